@@ -1,5 +1,7 @@
 //! Laws of the wire: what is written is read back, and nothing else is.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail loudly")]
+
 use geometry::{CameraIntrinsics, Point2, Pose2, Twist};
 use proptest::prelude::*;
 use proto::codec::Encoding;

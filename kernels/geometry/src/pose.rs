@@ -85,6 +85,7 @@ impl Mul for Pose2 {
     type Output = Pose2;
 
     /// `a_from_c = a_from_b * b_from_c`.
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "turns add up when poses are composed")]
     fn mul(self, b_from_c: Pose2) -> Pose2 {
         let p = self.transform(b_from_c.position());
         Pose2::new(p.x, p.y, self.yaw_rad + b_from_c.yaw_rad)

@@ -111,10 +111,8 @@ impl Layout {
     pub fn cell_at(&self, point: Point2) -> Option<Cell> {
         let col = ((point.x - self.origin.x) / self.resolution_m).floor();
         let row = ((point.y - self.origin.y) / self.resolution_m).floor();
-        let inside = col >= 0.0
-            && row >= 0.0
-            && col < self.shape.n_cols as f64
-            && row < self.shape.n_rows as f64;
+        let inside =
+            col >= 0.0 && row >= 0.0 && col < self.shape.n_cols as f64 && row < self.shape.n_rows as f64;
         inside.then_some(Cell { col: col as usize, row: row as usize })
     }
 

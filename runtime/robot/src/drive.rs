@@ -37,7 +37,11 @@ impl DriveSettings {
 pub fn envelope_of(profile: &Profile) -> anyhow::Result<Envelope> {
     Envelope::new(EnvelopeLimits {
         speed_m_s_max: profile.speed_m_s_max,
+        // Reverse is never planned; a bounded reverse after a bump is a robot's own affair.
+        reverse_m_s_max: 0.0,
         yaw_rate_rad_s_max: profile.yaw_rate_rad_s_max,
+        // The base limits its own turning; the profile knows no limit.
+        yaw_accel_rad_s2_max: f64::INFINITY,
         accel_m_s2_max: profile.accel_m_s2_max,
         command_age_max: topics::SAFE.age_max.context("the safe command has an age limit")?,
     })

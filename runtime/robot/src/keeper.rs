@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use envelope::Envelope;
+use envelope::{Envelope, Stop, Verdict};
 use geometry::{Time, Twist};
 use proto::{BaseFault, Invalid, SafeCommand, topics};
 
@@ -104,7 +104,7 @@ impl Keeper {
         }
         let fresh = self.last.filter(|taken| now.since(taken.thought_at) <= self.thought_age_max);
         let (command, verdict) = self.envelope.check(now, fresh.map(|taken| (taken.twist, taken.at)));
-        let stopped = verdict.is_stop();
+        let stopped = matches!(verdict, Verdict::Stop(_));
         let reason = match (self.last, fresh) {
             (None, _) => "no safe command yet".to_owned(),
             (Some(taken), None) => format!(
@@ -112,14 +112,29 @@ impl Keeper {
                 now.since(taken.thought_at).as_millis(),
                 self.thought_age_max.as_millis()
             ),
-            (Some(_), Some(_)) if verdict.is_pass() => String::new(),
-            (Some(_), Some(_)) => verdict.to_string(),
+            (Some(taken), Some(_)) => words(verdict, now.since(taken.at)),
         };
         Kept { command, reason, stopped }
     }
 
     fn sent_at(&self, seq: u64) -> Option<Time> {
         self.odometry_sent.iter().find(|(sent, _)| *sent == seq).map(|(_, at)| *at)
+    }
+}
+
+/// What an operator reads; empty when the command passes.
+fn words(verdict: Verdict, age: Duration) -> String {
+    let limit = topics::SAFE.age_max.unwrap_or_default();
+    match verdict {
+        Verdict::Passed | Verdict::Eased => String::new(),
+        Verdict::Stop(Stop::NoCommand) => "no safe command".to_owned(),
+        Verdict::Stop(Stop::Stale) => {
+            format!("safe command {} ms old, at most {} ms", age.as_millis(), limit.as_millis())
+        }
+        Verdict::Stop(Stop::Clock) => "the clock ran backwards".to_owned(),
+        Verdict::Stop(Stop::NotFinite) => "safe command is not finite".to_owned(),
+        Verdict::Stop(Stop::TooFast) => "safe command is faster than the robot may be".to_owned(),
+        Verdict::Stop(Stop::TurningTooFast) => "safe command turns faster than the robot may".to_owned(),
     }
 }
 
@@ -135,7 +150,9 @@ mod tests {
         let limits = EnvelopeLimits {
             speed_m_s_max: 1.5,
             yaw_rate_rad_s_max: 1.0,
+            reverse_m_s_max: 0.0,
             accel_m_s2_max: 3.0,
+            yaw_accel_rad_s2_max: f64::INFINITY,
             command_age_max: Duration::from_millis(150),
         };
         Keeper::new(Envelope::new(limits).unwrap())

@@ -25,8 +25,8 @@ pub async fn open(network: &Network, folder: &Path) -> anyhow::Result<zenoh::Ses
     if !network.connect.is_empty() {
         entries.push(("connect/endpoints", list(&network.connect)?));
         // A service that is restarted must be back within a control period or two, not four seconds.
-        entries.push(("connect/retry/period_init_ms", "100".into()));
-        entries.push(("connect/retry/period_max_ms", "500".into()));
+        let retry = r#"{ "period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2 }"#;
+        entries.push(("connect/retry", retry.into()));
     }
     if !network.listen.is_empty() {
         entries.push(("listen/endpoints", list(&network.listen)?));

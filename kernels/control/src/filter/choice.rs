@@ -1,0 +1,258 @@
+//! The choice at one tick: which certified plan, or which plan when none is.
+//!
+//! In falling order: a control chosen by the method among certified plans; the rest of the last plan; the plan
+//! of least harm. Where something is broken at the start already, the way back. Not here: what is made of the
+//! choice on the way out (`filter`).
+
+use geometry::Twist;
+
+use super::{Exits, Filter};
+use crate::certificate::{Breach, certify};
+use crate::config::Method;
+use crate::decision::{Action, Certified};
+use crate::dynamics::Control;
+use crate::exit::ExitMap;
+use crate::plan::Plan;
+use crate::primitives::primitives;
+use crate::recovery::{least_harm, remaining_controls};
+use crate::scene::{Assumptions, LIMIT_TOLERANCE, Scene, Source};
+use crate::score::{Runner, Search, Wanted, search};
+
+/// How long a map of the ways out is used, seconds: a flood takes milliseconds, zones change slowly.
+const EXITS_AGE_S_MAX: f64 = 0.5;
+
+/// What was chosen, before it is dressed up as a [`Decision`].
+pub(crate) struct Choice {
+    pub plan: Plan,
+    pub action: Action,
+    pub v_safe_m: f64,
+    pub v_sent_m: f64,
+    pub certified: Certified,
+    /// What held the nominal control back.
+    pub held_by: Option<(Source, Option<Breach>)>,
+}
+
+impl Filter {
+    /// Chooses the plan of this tick; `wanted` is the control towards the nominal set-point.
+    pub(super) fn choose(&mut self, scene: &mut Scene<'_>, nominal: Twist, wanted: Control) -> Choice {
+        let is_broken = scene.spatial.iter().any(|layer| layer.soft || layer.is_too_near(&scene.assumptions));
+        if is_broken {
+            return self.recover(scene);
+        }
+        self.exits = None;
+        self.noise_for_this_tick();
+        let warm = self.warm_starts();
+        let warm: Vec<&[Control]> = warm.iter().map(Vec::as_slice).collect();
+        let runner = Runner::start(scene);
+        let rate = wanted.yaw_rate_rad_s;
+        let goal = Wanted { above_m: 0.0, enough_m: self.config.ample_m };
+        let mut best = std::mem::take(&mut self.best);
+        search(scene, &self.search, &self.noise, runner, (rate, &warm), goal, &mut best);
+        let choice = match best.value_m {
+            Some(v_safe_m) => {
+                let safest = self.roll(scene, &best.controls);
+                let choice = self.choose_certified(scene, nominal, wanted, (v_safe_m, &safest));
+                self.safest = Some(safest);
+                choice
+            }
+            None => None,
+        };
+        self.best = best;
+        let choice = choice.or_else(|| self.rest_of_plan(scene)).unwrap_or_else(|| self.broken(scene));
+        let frozen = choice.plan.command().speed_m_s <= 1e-3;
+        let wants = nominal.speed_m_s > 0.02;
+        match self.unfreeze.step(scene, frozen && wants, self.plan.as_ref()) {
+            Some((plan, v_sent_m)) => Choice { plan, action: Action::Unfreezing, v_sent_m, ..choice },
+            None => choice,
+        }
+    }
+
+    /// Chooses among certified plans by the configured method; `None` when the full check disagrees.
+    fn choose_certified(
+        &mut self,
+        scene: &Scene<'_>,
+        nominal: Twist,
+        wanted: Control,
+        (v_safe_m, safest): (f64, &Plan),
+    ) -> Option<Choice> {
+        let config = &self.config;
+        let (candidates, needed_m) = match config.method {
+            Method::LeastRestrictive => (vec![wanted], config.epsilon_m),
+            _ => {
+                let capped = capped(scene, nominal, config.step_s);
+                let kept_share = 1.0 - config.gamma_per_s * config.step_s;
+                let all = primitives(wanted, capped, &scene.assumptions.limits);
+                (all, kept_share * v_safe_m.min(config.ample_m))
+            }
+        };
+        let passed = candidates.iter().position(|&first| self.continues(scene, safest, first, needed_m));
+        let (plan, action, v_sent_m) = match passed {
+            Some(idx) => {
+                let mut controls = vec![candidates[idx]];
+                controls.extend(&self.continued.controls);
+                let action = if idx == 0 { Action::Passed } else { Action::Blended };
+                (self.roll(scene, &controls), action, self.continued.value_m.unwrap_or(v_safe_m))
+            }
+            None => (safest.clone(), Action::Backup, v_safe_m),
+        };
+        // The rollouts skip what cannot matter; the stored plan is checked once more, in full.
+        certify(scene, &plan).ok()?;
+        let too_fast = scene.limits.iter().find(|layer| layer.braking_from_m_s.is_some());
+        if let Some(layer) = too_fast {
+            let over_m_s = scene.start.speed_m_s - layer.speed_m_s;
+            let certified = Certified::No { why: "too fast for a limit, braking".into() };
+            let held_by = Some((layer.source, Some(Breach::Fast(layer.source, over_m_s))));
+            let action = Action::Recovering { rule: None };
+            return Some(Choice { plan, action, v_safe_m, v_sent_m, certified, held_by });
+        }
+        let held_by = (action != Action::Passed).then(|| self.held_by(scene, wanted)).flatten();
+        let certified = Certified::Yes;
+        Some(Choice { plan, action, v_safe_m, v_sent_m, certified, held_by })
+    }
+
+    /// Whether a certified plan begins with a control and keeps at least `needed_m`; left in `continued`.
+    fn continues(&mut self, scene: &Scene<'_>, safest: &Plan, first: Control, needed_m: f64) -> bool {
+        // Only what is enough counts: the rest of each rollout is not even looked at.
+        let goal = Wanted { above_m: needed_m.next_down().max(0.0), enough_m: needed_m };
+        let mut runner = Runner::start(scene);
+        if !runner.step(scene, first, goal.above_m) {
+            return false;
+        }
+        // The last solution, from where the first step ends.
+        let n_after = safest.samples().len().saturating_sub(2);
+        let after: Vec<Control> =
+            (1..=n_after).map(|k| safest.control_at(k as f64 * safest.step_s())).collect();
+        let warm = [after.as_slice()];
+        let from = (first.yaw_rate_rad_s, &warm[..]);
+        let continued = &mut self.continued;
+        search(scene, &self.search, &self.noise, runner, from, goal, continued);
+        continued.value_m.is_some()
+    }
+
+    /// What holds a control back: the first thing that braking right after it would break, else come nearest.
+    fn held_by(&self, scene: &Scene<'_>, wanted: Control) -> Option<(Source, Option<Breach>)> {
+        match certify(scene, &self.roll(scene, &[wanted])) {
+            Ok((_, source)) => source.map(|source| (source, None)),
+            Err(breach) => breach.source().map(|source| (source, Some(breach))),
+        }
+    }
+
+    /// The rest of the stored plan, when it still passes in this world.
+    fn rest_of_plan(&mut self, scene: &Scene<'_>) -> Option<Choice> {
+        let plan = self.plan.clone()?;
+        let (v_sent_m, source) = certify(scene, &plan).ok()?;
+        let held_by = source.map(|source| (source, None));
+        let certified = Certified::Yes;
+        Some(Choice { plan, action: Action::Resting, v_safe_m: v_sent_m, v_sent_m, certified, held_by })
+    }
+
+    /// Nothing is certified: the plan of least harm.
+    fn broken(&mut self, scene: &Scene<'_>) -> Choice {
+        let why = match self.plan.as_ref().map(|plan| certify(scene, plan)) {
+            Some(Err(breach)) => breach.source().map(|source| (source, Some(breach))),
+            _ => None,
+        };
+        let ranked = least_harm(scene, None, self.plan.as_ref());
+        let plan = ranked.map_or_else(|| self.roll(scene, &[]), |ranked| ranked.plan);
+        let v_sent_m = certify(scene, &plan).map_or(0.0, |(value_m, _)| value_m);
+        Choice {
+            plan,
+            action: Action::LeastHarm,
+            v_safe_m: 0.0,
+            v_sent_m,
+            certified: Certified::No { why: "no plan keeps every margin".into() },
+            held_by: why,
+        }
+    }
+
+    /// A margin is broken at the start: the way back.
+    fn recover(&mut self, scene: &mut Scene<'_>) -> Choice {
+        let nearest = scene.spatial.iter().find(|layer| layer.soft);
+        let rule = nearest.map(|layer| layer.source);
+        let source = rule.or(scene.spatial.first().map(|layer| layer.source));
+        let in_zone = rule.is_some();
+        // Too near by the error of a measurement, and the plan under way passes: it goes on to its rest.
+        if !in_zone && let Some(choice) = self.rest_of_plan(scene).filter(|choice| !choice.plan.is_over()) {
+            return choice;
+        }
+        let exits = if in_zone { self.exits_around(scene) } else { None };
+        let ranked = least_harm(scene, exits.as_ref(), self.plan.as_ref());
+        let (plan, spares) = match ranked {
+            Some(ranked) => {
+                let spares = ranked.spares_obstacles();
+                (ranked.plan, spares)
+            }
+            None => (self.roll(scene, &[]), false),
+        };
+        // An obstacle that only looks too near must not undo a plan that was certified against it.
+        let kept = self.plan.as_ref().filter(|kept| !spares && certify(scene, kept).is_ok());
+        let plan = kept.cloned().unwrap_or(plan);
+        let v_m = scene.spatial.first().map_or(0.0, |layer| layer.start_m);
+        let why = match (in_zone, &exits) {
+            (true, Some(_)) => "standing in a zone, leaving".to_owned(),
+            (true, None) => "standing in a zone that has no way out".to_owned(),
+            (false, _) => "too near, moving clear".to_owned(),
+        };
+        Choice {
+            plan,
+            action: Action::Recovering { rule: None },
+            v_safe_m: v_m,
+            v_sent_m: v_m,
+            certified: Certified::No { why },
+            held_by: source.map(|source| (source, None)),
+        }
+    }
+
+    /// The map of the ways out; zones that the robot is not in are given up when there is no way around.
+    fn exits_around(&mut self, scene: &mut Scene<'_>) -> Option<ExitMap> {
+        let fresh = self.exits.take().filter(|exits| exits.age_s < EXITS_AGE_S_MAX);
+        let exits = fresh.unwrap_or_else(|| {
+            if let Some(map) = ExitMap::around(scene) {
+                return Exits { age_s: 0.0, map: Some(map), through_zones: false };
+            }
+            give_up_zones(scene);
+            Exits { age_s: 0.0, map: ExitMap::around(scene), through_zones: true }
+        });
+        if exits.through_zones {
+            give_up_zones(scene);
+        }
+        let map = exits.map.clone();
+        self.exits = Some(exits);
+        map
+    }
+
+    /// Draws the noise that all scores of this tick share.
+    pub(super) fn noise_for_this_tick(&mut self) {
+        let Search { n_samples, n_rounds, n_steps, .. } = self.search;
+        self.noise.draw(self.config.seed, self.tick, n_samples * n_rounds, n_steps);
+    }
+
+    /// The last solution and the rest of the last plan, as sequences from now.
+    fn warm_starts(&self) -> Vec<Vec<Control>> {
+        [&self.safest, &self.plan].into_iter().flatten().map(remaining_controls).collect()
+    }
+
+    fn roll(&self, scene: &Scene<'_>, controls: &[Control]) -> Plan {
+        let Assumptions { limits, step_s, braking_tail, .. } = scene.assumptions;
+        Plan::roll(scene.start, controls, step_s, &limits, braking_tail)
+    }
+}
+
+/// No zone binds any more: there is no way out but through one.
+fn give_up_zones(scene: &mut Scene<'_>) {
+    for layer in &mut scene.spatial {
+        layer.soft |= !layer.is_base();
+    }
+}
+
+/// The nominal command held to the limits that are in force at the start.
+pub(crate) fn capped(scene: &Scene<'_>, nominal: Twist, step_s: f64) -> Control {
+    let (mut speed_m_s, mut rate_rad_s) = (f64::INFINITY, f64::INFINITY);
+    for layer in scene.limits.iter().filter(|layer| layer.start_m <= 0.1) {
+        speed_m_s = speed_m_s.min((layer.speed_m_s - LIMIT_TOLERANCE).max(0.0));
+        rate_rad_s = rate_rad_s.min((layer.yaw_rate_rad_s - LIMIT_TOLERANCE).max(0.0));
+    }
+    let held =
+        Twist::new(nominal.speed_m_s.min(speed_m_s), nominal.yaw_rate_rad_s.clamp(-rate_rad_s, rate_rad_s));
+    scene.assumptions.limits.control_towards(scene.start.speed_m_s, held, step_s)
+}

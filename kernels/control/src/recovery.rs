@@ -1,0 +1,257 @@
+//! The plan of least harm, when something is broken already or cannot be kept.
+//!
+//! The paper's score is blind there: every sample is worth l(x₀). Instead motions are ranked by what they do
+//! wrong over time: first hitting an obstacle, then entering a zone the robot is not in or breaking a limit,
+//! then the depth in the zones it is in, and how far the exit is at the end. Turn-then-drive motions are
+//! always among the candidates. Deliberately not here: whether to recover (`filter`).
+
+use crate::dynamics::{Control, State};
+use crate::exit::ExitMap;
+use crate::manoeuvres::{TurnAndDrive, headings};
+use crate::plan::{Plan, Sample};
+use crate::scene::Scene;
+
+/// Weights of the ranking, in falling importance: an order of a thousand keeps the classes apart.
+const OBSTACLE_WEIGHT: f64 = 1e6;
+/// See [`OBSTACLE_WEIGHT`]: for entering zones and breaking limits.
+const RULE_WEIGHT: f64 = 1e3;
+/// Cost of a metre to the exit at the end of a plan, against a metre of depth for a second. More than a metre
+/// deeper can cost over [`COMPARED_S`]: a metre nearer to the exit always pays.
+const EXIT_WEIGHT: f64 = 8.0;
+/// Stands for "no way out": farther than any exit.
+const NO_EXIT_M: f64 = 50.0;
+/// Already too near an obstacle, the field may be followed down by rounding only, metres.
+const ROUNDING_M: f64 = 1e-4;
+/// Cost of a metre deeper into the zones than at the start: less than what the way out gains by it, or
+/// nobody whose way out leads deeper would go, but enough to turn round at an edge rather than cross.
+const DEEPER_WEIGHT: f64 = 2.0;
+/// Plans are compared over the time of half a turn and this much, seconds.
+const COMPARED_S: f64 = 2.0;
+/// Lengths along the way out that are driven to straight, metres.
+const ALONG_M: [f64; 4] = [0.2, 0.4, 0.8, 1.6];
+/// A slight preference for what is under way, so that two equal ways do not alternate.
+const UNDER_WAY_FAVOUR: f64 = 0.98;
+/// Too near an obstacle, how far beyond the tube the way back leads, metres.
+const TOO_NEAR_BEYOND_M: f64 = 0.01;
+/// Lengths of the drive after the turn, metres: out of a corner, and out of a large zone.
+const DRIVES_M: [f64; 2] = [0.4, 2.0];
+
+/// A plan and its harm; the smaller the better.
+#[derive(Clone, Debug)]
+pub(crate) struct Ranked {
+    pub plan: Plan,
+    pub harm: f64,
+    obstacle_m: f64,
+}
+
+impl Ranked {
+    /// Whether the plan keeps clear of obstacles, or at least comes no nearer to the one it is too near to.
+    pub(crate) fn spares_obstacles(&self) -> bool {
+        self.obstacle_m <= 0.0
+    }
+}
+
+/// The candidate of least harm: what is left of the last plan, brakes, arcs, and turn-then-drive motions.
+pub(crate) fn least_harm(scene: &Scene<'_>, exits: Option<&ExitMap>, kept: Option<&Plan>) -> Option<Ranked> {
+    let mut best: Option<Ranked> = None;
+    let limits = scene.assumptions.limits;
+    let step_s = scene.assumptions.step_s;
+    let judge = Judge::new(scene, exits);
+    let mut consider = |controls: &[Control], favour: f64| {
+        let plan = Plan::roll(scene.start, controls, step_s, &limits, true);
+        let ceiling = best.as_ref().map_or(f64::INFINITY, |best| best.harm);
+        if let Some((harm, obstacle_m)) = judge.judge(&plan, ceiling)
+            && harm * favour < ceiling
+        {
+            best = Some(Ranked { plan, harm: harm * favour, obstacle_m });
+        }
+    };
+    if let Some(kept) = kept {
+        consider(&remaining_controls(kept), UNDER_WAY_FAVOUR);
+    }
+    let mut consider = |controls: &[Control]| consider(controls, 1.0);
+    for_each_candidate(scene, exits, &mut consider);
+    best
+}
+
+/// What is left of a plan, resampled from this moment.
+pub(crate) fn remaining_controls(plan: &Plan) -> Vec<Control> {
+    let n_left = plan.rest().len() - 1;
+    (0..n_left).map(|k| plan.control_at(k as f64 * plan.step_s())).collect()
+}
+
+fn for_each_candidate(scene: &Scene<'_>, exits: Option<&ExitMap>, consider: &mut dyn FnMut(&[Control])) {
+    let limits = scene.assumptions.limits;
+    let step_s = scene.assumptions.step_s;
+    let (rate_max, accel_max, speed_max) =
+        (limits.yaw_rate_rad_s_max, limits.accel_m_s2_max, limits.speed_m_s_max);
+    let n_stop = (limits.braking_s(scene.start.speed_m_s) / step_s).ceil() as usize + 1;
+    let n_drive = (DRIVES_M[0] / speed_max / step_s).ceil() as usize;
+    let mut controls = Vec::with_capacity(256);
+    for rate in [0.0, 0.5, -0.5, 1.0, -1.0] {
+        let yaw_rate_rad_s = rate * rate_max;
+        for (accel, n) in [(-accel_max, n_stop), (0.0, n_drive), (accel_max, n_drive)] {
+            controls.clear();
+            controls.resize(n, Control { yaw_rate_rad_s, accel_m_s2: accel });
+            consider(&controls);
+        }
+    }
+    let place = scene.start.position();
+    for target in exits.into_iter().flat_map(|e| ALONG_M.map(|m| e.along_way_out(place, m))).flatten() {
+        let (sight, heading_rad) = (target - place, (target.y - place.y).atan2(target.x - place.x));
+        for driving_m_s in [speed_max, 0.3 * speed_max] {
+            let driving_s = sight.norm() / driving_m_s;
+            for turning_m_s in [0.0, 0.3 * driving_m_s] {
+                let motion = TurnAndDrive { heading_rad, turning_m_s, driving_m_s, driving_s };
+                motion.write(scene.start, &limits, step_s, &mut controls);
+                consider(&controls);
+            }
+        }
+    }
+    let slowest = scene.limits.iter().map(|layer| layer.speed_m_s).fold(speed_max, f64::min);
+    for heading_rad in headings(scene.start) {
+        for driving_m_s in [speed_max, 0.3 * speed_max, slowest - 0.01] {
+            for (turning_share, drive_m) in [(0.0, DRIVES_M[0]), (0.0, DRIVES_M[1]), (0.3, DRIVES_M[1])] {
+                let turning_m_s = turning_share * driving_m_s;
+                let driving_s = (drive_m / driving_m_s.max(0.1)).min(DRIVES_M[1] / (0.3 * speed_max));
+                let motion = TurnAndDrive { heading_rad, turning_m_s, driving_m_s, driving_s };
+                motion.write(scene.start, &limits, step_s, &mut controls);
+                consider(&controls);
+            }
+        }
+    }
+}
+
+/// What stays the same for all candidates of one tick.
+struct Judge<'a, 'w> {
+    scene: &'a Scene<'w>,
+    exits: Option<&'a ExitMap>,
+    start_depth_m: f64,
+    is_in_zone: bool,
+}
+
+/// What a plan does wrong, class by class; every part only grows along the plan.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wrongs {
+    /// By how much it comes too near to an obstacle, metres.
+    obstacle_m: f64,
+    /// By how much it enters a zone that it was not in, metres.
+    entered_m: f64,
+    /// By how much and how long it breaks limits, in m/s or rad/s times seconds.
+    over_s: f64,
+    /// Depth times time in the zones it is in, m s.
+    depth_m_s: f64,
+    /// Depth beyond that of the start, metres.
+    deeper_m: f64,
+}
+
+impl Wrongs {
+    fn harm(&self) -> f64 {
+        OBSTACLE_WEIGHT * self.obstacle_m
+            + RULE_WEIGHT * (self.entered_m + self.over_s)
+            + self.depth_m_s
+            + DEEPER_WEIGHT * self.deeper_m
+    }
+}
+
+impl<'a, 'w> Judge<'a, 'w> {
+    fn new(scene: &'a Scene<'w>, exits: Option<&'a ExitMap>) -> Self {
+        Judge {
+            scene,
+            exits,
+            start_depth_m: soft_depth_m(scene, scene.start),
+            is_in_zone: scene.spatial.iter().any(|layer| layer.soft),
+        }
+    }
+
+    /// The harm of a plan and how near it comes to obstacles, metres; `None` as soon as it exceeds `ceiling`.
+    fn judge(&self, plan: &Plan, ceiling: f64) -> Option<(f64, f64)> {
+        let scene = self.scene;
+        let step_s = scene.assumptions.step_s;
+        let compared_s = COMPARED_S + std::f64::consts::PI / scene.assumptions.limits.yaw_rate_rad_s_max;
+        let mut wrongs = Wrongs::default();
+        let samples = plan.samples();
+        for (k, pair) in samples.windows(2).enumerate() {
+            let (from, to) = (&pair[0], &pair[1]);
+            let tube_m = scene.tube_m(samples[0].state.speed_m_s, to.moving_s, to.path_m);
+            let lost_m = tube_m + scene.loss_m(to.path_m - from.path_m, from.yaw_rate_rad_s * step_s);
+            let counts_s = if (k + 1) as f64 * step_s <= compared_s { step_s } else { 0.0 };
+            self.add_spatial(&mut wrongs, to, lost_m, counts_s);
+            wrongs.over_s += limits_broken(scene, (from, to), tube_m, k == 0) * step_s;
+            if wrongs.harm() > ceiling {
+                return None;
+            }
+        }
+        let end = samples[samples.len() - 1].state;
+        let end_depth_m = soft_depth_m(scene, end);
+        // A short plan must not look harmless: it stays where it ends.
+        wrongs.depth_m_s += end_depth_m * (compared_s - (samples.len() - 1) as f64 * step_s).max(0.0);
+        let exit_m = match self.exits {
+            Some(exits) => exits.distance_m(end.position()).min(NO_EXIT_M),
+            None if self.is_in_zone => end_depth_m,
+            None => 0.0,
+        };
+        let harm = wrongs.harm() + EXIT_WEIGHT * (exit_m + self.still_near_m(end));
+        (harm <= ceiling).then_some((harm, wrongs.obstacle_m))
+    }
+
+    /// Adds what the place of one sample does wrong; `counts_s` is the time it counts for.
+    fn add_spatial(&self, wrongs: &mut Wrongs, to: &Sample, lost_m: f64, counts_s: f64) {
+        let position_m = self.scene.assumptions.disturbance.position_m;
+        for layer in &self.scene.spatial {
+            let margin_m = layer.margin_m(to.state.position(), to.moving_s);
+            if layer.soft {
+                wrongs.depth_m_s += (position_m - margin_m).max(0.0) * counts_s;
+                wrongs.deeper_m = wrongs.deeper_m.max(-margin_m - self.start_depth_m);
+                continue;
+            }
+            // Too near already: no plan can keep the margin, and none needs to come nearer.
+            let too_near = layer.is_too_near(&self.scene.assumptions);
+            let short_m = if too_near { layer.start_m - ROUNDING_M - margin_m } else { lost_m - margin_m };
+            if layer.is_base() {
+                wrongs.obstacle_m = wrongs.obstacle_m.max(short_m);
+            } else {
+                wrongs.entered_m = wrongs.entered_m.max(short_m);
+                wrongs.depth_m_s += short_m.max(0.0) * counts_s;
+            }
+            if too_near {
+                wrongs.depth_m_s += (position_m + TOO_NEAR_BEYOND_M - margin_m).max(0.0) * counts_s;
+            }
+        }
+    }
+
+    /// How much is missing at the end of a plan to be clear of what the start is too near to, metres.
+    fn still_near_m(&self, end: State) -> f64 {
+        let assumptions = &self.scene.assumptions;
+        let clear_m = assumptions.disturbance.position_m + TOO_NEAR_BEYOND_M;
+        let near = self.scene.spatial.iter().filter(|layer| layer.is_too_near(assumptions));
+        near.map(|layer| clear_m - layer.margin_m(end.position(), 0.0)).fold(0.0, f64::max)
+    }
+}
+
+fn soft_depth_m(scene: &Scene<'_>, state: State) -> f64 {
+    let soft = scene.spatial.iter().filter(|layer| layer.soft);
+    soft.map(|layer| (-layer.margin_m(state.position(), 0.0)).max(0.0)).fold(0.0, f64::max)
+}
+
+/// By how much a segment breaks the limits where it may be in their zones; speeds and rates added.
+fn limits_broken(scene: &Scene<'_>, (from, to): (&Sample, &Sample), tube_m: f64, is_first: bool) -> f64 {
+    let accel_m_s2 = scene.assumptions.limits.accel_m_s2_max;
+    let measured_m_s = if is_first { scene.assumptions.disturbance.speed_m_s } else { 0.0 };
+    let guard_m = scene.zone_guard_m(tube_m);
+    let inside = |sample: &Sample, margin: &dyn Fn(&Sample) -> f64| margin(sample) <= guard_m;
+    scene
+        .limits
+        .iter()
+        .filter(|layer| {
+            let margin = |sample: &Sample| layer.zone_margin_m(sample.state.position());
+            inside(from, &margin) || inside(to, &margin)
+        })
+        .map(|layer| {
+            let from_over = from.state.speed_m_s - measured_m_s - layer.speed_at(from.moving_s, accel_m_s2);
+            let to_over = to.state.speed_m_s - layer.speed_at(to.moving_s, accel_m_s2);
+            let turn_over = from.yaw_rate_rad_s.abs() - layer.yaw_rate_rad_s;
+            from_over.max(to_over).max(0.0) + turn_over.max(0.0)
+        })
+        .sum()
+}

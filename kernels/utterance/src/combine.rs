@@ -1,0 +1,467 @@
+//! Joins stretches into clauses: what was said in pieces and means one order.
+//!
+//! A clause is one order with its condition. Names and places without an order of their own go to
+//! the neighbour they belong to; stories are remembered for what they mention and otherwise let be.
+
+use crate::clause::{
+    Clause, Clauses, EXCLUSIONS, TALK, has_strong_order, is_limit, is_order, is_other, is_story,
+};
+use crate::condition::apply;
+use crate::draft::{Draft, Region};
+use crate::lexicon::Sense;
+use crate::noun::Name;
+use crate::quantity::{Bound, Kind};
+use crate::segment::Join;
+
+/// Joins the stretches of one utterance.
+#[must_use]
+pub fn combine(drafts: Vec<Draft>) -> Clauses {
+    let mut joiner = Joiner::default();
+    for draft in drafts {
+        joiner.take(draft);
+    }
+    joiner.finish()
+}
+
+#[derive(Default)]
+struct Joiner {
+    out: Clauses,
+    mentioned: Vec<Name>,
+    mentioned_places: Vec<Name>,
+    /// A condition waiting for its order.
+    condition: Option<Draft>,
+    /// Places or names waiting for their order ("in the kitchen, …").
+    waiting_regions: Vec<Region>,
+    waiting_names: Vec<Name>,
+    waiting_ttl_s: Option<u64>,
+    waiting_except: Vec<Name>,
+    note: Option<String>,
+    last: Last,
+}
+
+/// What the stretch before was, for those that go on from it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Last {
+    #[default]
+    Nothing,
+    Order,
+    Reason,
+    Other,
+    Names,
+    Condition,
+}
+
+impl Joiner {
+    fn take(&mut self, draft: Draft) {
+        match draft.join {
+            Some(Join::Because) => return self.reason(draft),
+            Some(Join::Until) => return self.until(draft),
+            Some(Join::If) if !draft.has_any(&[Sense::Revoke]) => return self.condition(draft),
+            _ => {}
+        }
+        // A statement with nothing to heed in it, or a task: told, not ordered.
+        let told = is_story(&draft) && !is_order(&draft);
+        if draft.senses.first() == Some(&Sense::Question) && draft.n_neg == 0 {
+            self.out.others.push(draft);
+            self.last = Last::Other;
+            return;
+        }
+        if is_order(&draft)
+            && (!draft.has_any(&[Sense::Task, Sense::Chat, Sense::Question]) || has_strong_order(&draft))
+        {
+            self.order(draft);
+        } else if told && !draft.has_any(&[Sense::Chat, Sense::Question, Sense::Task]) {
+            self.mention(&draft);
+            if !draft.quantities.is_empty() {
+                self.out.leftover.push(draft.words.clone());
+            }
+            self.out.stories.push(draft);
+            self.last = Last::Reason;
+        } else if is_other(&draft) {
+            self.mention(&draft);
+            // A task may count its own; elsewhere a number must not vanish.
+            if !draft.quantities.is_empty() && !draft.has(Sense::Task) {
+                self.out.leftover.push(draft.words.clone());
+            }
+            self.out.others.push(draft);
+            self.last = Last::Other;
+        } else {
+            self.fragment(draft);
+        }
+    }
+
+    fn mention(&mut self, draft: &Draft) {
+        let real = |name: &&Name| !name.is_pronoun;
+        let governed: Vec<Name> =
+            draft.regions.iter().flat_map(|region| &region.names).filter(real).cloned().collect();
+        self.mentioned_places.extend(governed.iter().cloned());
+        self.mentioned.extend(governed);
+        // What a story is about stands first in it: "water ruins the circuits, avoid it".
+        let mut loose: Vec<Name> = draft.names.iter().filter(real).cloned().collect();
+        if is_story(draft) || !is_order(draft) {
+            loose.reverse();
+        }
+        self.mentioned.extend(loose);
+    }
+
+    fn reason(&mut self, draft: Draft) {
+        if !draft.quantities.is_empty() {
+            self.out.leftover.push(draft.words.clone());
+        }
+        self.mention(&draft);
+        self.out.stories.push(draft);
+        self.last = Last::Reason;
+    }
+
+    fn until(&mut self, draft: Draft) {
+        let words = draft.words.clone();
+        if !draft.quantities.is_empty() {
+            self.out.leftover.push(words.clone());
+        }
+        self.note_down(format!("until {words}"));
+        self.last = Last::Reason;
+    }
+
+    fn note_down(&mut self, words: String) {
+        match self.out.orders.last_mut() {
+            Some(clause) => clause.notes.push(words),
+            None => self.note = Some(words),
+        }
+    }
+
+    fn condition(&mut self, draft: Draft) {
+        let has_target = self.out.orders.last().is_some();
+        if draft.has_any(&EXCLUSIONS[..4])
+            || is_limit(&draft) && !draft.has(Sense::Sleeping) && !draft.has(Sense::Fast)
+        {
+            // "when turning slow down" was cut badly, or an order hides in it: keep it as an order.
+            return self.order(draft);
+        }
+        if has_target && !draft.is_fresh && self.last == Last::Order {
+            self.apply_condition(&draft);
+        } else {
+            self.condition = Some(draft);
+        }
+        self.last = Last::Condition;
+    }
+
+    /// A condition goes to the latest order: as its place when it names one, else as a note.
+    fn apply_condition(&mut self, condition: &Draft) {
+        self.mention(condition);
+        let Some(clause) = self.out.orders.last_mut() else { return };
+        apply(clause, condition);
+    }
+
+    fn order(&mut self, mut draft: Draft) {
+        // "every rug but not the blue one"
+        let lets_off = matches!(draft.join, Some(Join::But))
+            && draft.n_neg == 1
+            && draft.senses.is_empty()
+            && draft.regions.is_empty()
+            && draft.quantities.is_empty();
+        if let (true, Some(clause)) = (lets_off && !draft.names.is_empty(), self.out.orders.last_mut()) {
+            clause.draft.except.append(&mut draft.names);
+            return;
+        }
+        self.take_back_reason(&draft);
+        let antecedents = self.mentioned.clone();
+        let places = self.mentioned_places.clone();
+        self.mention(&draft);
+        if draft.regions.is_empty() && draft.names.is_empty() {
+            draft.regions.append(&mut self.waiting_regions);
+            if draft.regions.is_empty() {
+                draft.names.append(&mut self.waiting_names);
+            }
+        } else if draft.has(Sense::Copula)
+            && matches!(draft.join, Some(Join::And | Join::Or))
+            && self.last == Last::Names
+        {
+            // "the kitchen and the bathroom are off limits": one subject.
+            let mut names = std::mem::take(&mut self.waiting_names);
+            names.append(&mut draft.names);
+            draft.names = names;
+        } else if draft.all_names().any(|name| name.is_pronoun) {
+            self.waiting_names.clear();
+            self.waiting_regions.clear();
+        } else if is_limit(&draft) && draft.regions.is_empty() {
+            draft.regions.append(&mut self.waiting_regions);
+        }
+        draft.ttl_s = draft.ttl_s.or(self.waiting_ttl_s);
+        draft.except.append(&mut self.waiting_except);
+        let mut clause = Clause {
+            draft,
+            antecedents,
+            places,
+            notes: self.note.take().into_iter().collect(),
+            is_conditioned: false,
+        };
+        if let Some(condition) = self.condition.take() {
+            clause.is_conditioned = clause.draft.regions.is_empty() && clause.draft.names.is_empty();
+            self.mentioned.extend(condition.all_names().filter(|name| !name.is_pronoun).cloned());
+            apply(&mut clause, &condition);
+        }
+        // "if you pass the desk, go slow and be quiet": both there.
+        let bare = clause.draft.regions.is_empty()
+            && clause.draft.names.is_empty()
+            && !clause.draft.has(Sense::Everywhere);
+        if let (true, Some(last)) = (
+            bare && clause.draft.join == Some(Join::And) && is_limit(&clause.draft),
+            self.out.orders.last().filter(|last| last.is_conditioned && is_limit(&last.draft)),
+        ) {
+            clause.draft.regions.clone_from(&last.draft.regions);
+        }
+        if !self.joined_to_last(&clause) {
+            self.out.orders.push(clause);
+        }
+        self.last = Last::Order;
+    }
+
+    /// "the lamp wobbles, so keep back": the statement is why, not a second order.
+    fn take_back_reason(&mut self, draft: &Draft) {
+        let points_back =
+            draft.all_names().all(|name| name.is_pronoun) && !draft.has_any(&[Sense::Everywhere]);
+        let told = |draft: &Draft| {
+            draft.n_neg == 0
+                && draft.quantities.is_empty()
+                && draft.senses.iter().all(|sense| {
+                    matches!(
+                        sense,
+                        Sense::Copula | Sense::Fragile | Sense::Sleeping | Sense::NeedsSpace | Sense::ThereIs
+                    )
+                })
+        };
+        // "shh, the baby is asleep": a cry, and then what it is about.
+        let cried = |old: &Draft| {
+            old.n_neg == 0
+                && old.regions.is_empty()
+                && old.names.is_empty()
+                && old.quantities.is_empty()
+                && old.senses.iter().all(|sense| matches!(sense, Sense::Quiet | Sense::Careful))
+        };
+        if told(draft)
+            && draft.has_any(&[Sense::Sleeping, Sense::Fragile])
+            && self.out.orders.last().is_some_and(|clause| cried(&clause.draft))
+        {
+            self.out.orders.pop();
+            return;
+        }
+        let gives_why = |old: &Draft| {
+            points_back || draft.join == Some(Join::So) || old.has(Sense::Sleeping) && draft.has(Sense::Quiet)
+        };
+        if self.out.orders.last().is_some_and(|clause| told(&clause.draft) && gives_why(&clause.draft))
+            && let Some(clause) = self.out.orders.pop()
+        {
+            self.out.stories.push(clause.draft);
+        }
+    }
+
+    /// "slow down near the bed, no more than 0.2 m/s": numbers that complete the order before.
+    fn joined_to_last(&mut self, clause: &Clause) -> bool {
+        let new = &clause.draft;
+        let same_sentence =
+            matches!(new.join, Some(Join::Comma | Join::And | Join::Bare | Join::So | Join::Start));
+        let Some(last) = self.out.orders.last_mut().filter(|_| same_sentence && self.last == Last::Order)
+        else {
+            return false;
+        };
+        let old = &mut last.draft;
+        let bare_new = new.regions.is_empty()
+            && new.names.is_empty()
+            && new.ttl_s.is_none()
+            && !new.has(Sense::Everywhere)
+            && !new.has_any(&TALK);
+        let numbers_only = bare_new
+            && new.senses.iter().all(|sense| {
+                matches!(
+                    sense,
+                    Sense::SpeedNoun
+                        | Sense::Motion
+                        | Sense::Away
+                        | Sense::Hold
+                        | Sense::From
+                        | Sense::Turn
+                        | Sense::Dampen
+                        | Sense::OpenEnded
+                )
+            })
+            && !new.quantities.is_empty();
+        let n_distances = new.quantities.iter().filter(|q| q.kind == Kind::Distance).count();
+        let limits_both = is_limit(old) && is_limit(new) && n_distances == 0;
+        let distance_for = n_distances == 1
+            && new.quantities.len() == 1
+            && old.quantity(Kind::Distance).is_none()
+            && !is_limit(new);
+        let same_slot = old.quantities.iter().any(|q| new.quantities.iter().any(|n| n.kind == q.kind));
+        if numbers_only && !same_slot && (limits_both || distance_for) && new.n_neg + old.n_neg.min(1) <= 2 {
+            let negated_number = new.is_negated();
+            for quantity in &new.quantities {
+                let mut quantity = quantity.clone();
+                if negated_number && quantity.bound == Bound::Over {
+                    quantity.bound = Bound::Upper;
+                }
+                old.quantities.push(quantity);
+            }
+            old.words = format!("{} {}", old.words, new.words);
+            return true;
+        }
+        // "drive slowly and turn slowly near the piano": both near the piano.
+        let turn = |draft: &Draft| {
+            draft.has_any(&[Sense::TurnSlow, Sense::Turn, Sense::TurnFast])
+                || draft.quantity(Kind::TurnRate).is_some()
+        };
+        let bare_old = old.regions.is_empty() && old.names.is_empty() && !old.has(Sense::Everywhere);
+        if bare_old
+            && matches!(new.join, Some(Join::And))
+            && is_limit(old)
+            && is_limit(new)
+            && turn(old) != turn(new)
+        {
+            old.regions.clone_from(&new.regions);
+            old.names.clone_from(&new.names);
+            old.ttl_s = old.ttl_s.or(new.ttl_s);
+        }
+        false
+    }
+
+    /// A stretch without an order, task or story.
+    fn fragment(&mut self, mut draft: Draft) {
+        self.out.leftover.append(&mut draft.leftover);
+        if draft.is_crowded {
+            self.out.leftover.push(draft.words.clone());
+        }
+        if let Some(when) = draft.unobservable.take() {
+            self.note_down(when);
+        }
+        if draft.words.is_empty() {
+            return;
+        }
+        let goes_on = matches!(draft.join, Some(Join::And | Join::Or | Join::Comma | Join::Bare | Join::But));
+        if draft.ttl_s.is_some() && draft.names.is_empty() && draft.regions.is_empty() {
+            match self.out.orders.last_mut().filter(|_| goes_on || self.last == Last::Order) {
+                Some(clause) if clause.draft.ttl_s.is_none() => clause.draft.ttl_s = draft.ttl_s,
+                Some(_) => self.out.leftover.push(draft.words.clone()),
+                None => self.waiting_ttl_s = draft.ttl_s,
+            }
+            return;
+        }
+        if self.last == Last::Order
+            && !draft.quantities.is_empty()
+            && draft.names.is_empty()
+            && draft.regions.is_empty()
+        {
+            let clause = Clause { draft, ..Clause::default() };
+            if !self.joined_to_last(&clause) {
+                self.order(clause.draft);
+            }
+            return;
+        }
+        if draft.has(Sense::AsWell) && !draft.names.is_empty() && self.last != Last::Order {
+            return self.order(draft);
+        }
+        if !draft.quantities.is_empty()
+            || draft.has_any(&[
+                Sense::Last,
+                Sense::AllRules,
+                Sense::OneOf,
+                Sense::RuleNoun,
+                Sense::Everywhere,
+                Sense::AsWell,
+            ]) && draft.names.is_empty()
+        {
+            let empty =
+                draft.quantities.is_empty() && draft.has(Sense::Everywhere) && self.last == Last::Order;
+            if empty {
+                return;
+            }
+            return self.order(draft);
+        }
+        self.names_or_places(draft, goes_on);
+    }
+
+    fn names_or_places(&mut self, draft: Draft, goes_on: bool) {
+        self.mentioned.extend(draft.all_names().filter(|name| !name.is_pronoun).cloned());
+        if draft.names.is_empty() && draft.regions.is_empty() && draft.except.is_empty() {
+            return;
+        }
+        if goes_on && self.last == Last::Reason && !draft.names.is_empty() && draft.regions.is_empty() {
+            return;
+        }
+        let ttl_s = draft.ttl_s;
+        if let (true, Last::Order, Some(clause)) = (goes_on, self.last, self.out.orders.last_mut()) {
+            let only_names = draft.regions.is_empty();
+            if !draft.except.is_empty() {
+                clause.draft.except.extend(draft.except);
+            }
+            if only_names && !clause.draft.except.is_empty() && !draft.names.is_empty() {
+                clause.draft.except.extend(draft.names);
+            } else if only_names {
+                extend_names(&mut clause.draft, draft.names);
+            } else if clause.draft.regions.is_empty() && clause.draft.names.is_empty() {
+                clause.draft.regions = draft.regions;
+            } else {
+                // "or over the cables": the same order at another place.
+                let mut again = clause.clone();
+                again.draft.regions = draft.regions;
+                again.draft.names = draft.names;
+                again.draft.quantities.retain(|q| q.kind != Kind::Distance || is_limit(&clause.draft));
+                self.out.orders.push(again);
+            }
+            if let Some(clause) = self.out.orders.last_mut() {
+                clause.draft.ttl_s = clause.draft.ttl_s.or(ttl_s);
+            }
+            return;
+        }
+        if let (true, Last::Condition, Some(condition)) = (goes_on, self.last, self.condition.as_mut()) {
+            extend_names(condition, draft.names);
+            return;
+        }
+        self.waiting_names.extend(draft.names);
+        self.waiting_regions.extend(draft.regions);
+        self.waiting_except.extend(draft.except);
+        self.waiting_ttl_s = self.waiting_ttl_s.or(ttl_s);
+        self.last = Last::Names;
+    }
+
+    fn finish(mut self) -> Clauses {
+        if let Some(condition) = self.condition.take() {
+            match self.out.orders.last_mut() {
+                Some(clause) => apply(clause, &condition),
+                None => self.out.stories.push(condition),
+            }
+        }
+        if let (Some(ttl_s), true) = (
+            self.waiting_ttl_s,
+            self.out.orders.is_empty() && self.waiting_names.is_empty() && self.waiting_regions.is_empty(),
+        ) {
+            self.out.orders.push(Clause {
+                draft: Draft { ttl_s: Some(ttl_s), ..Draft::default() },
+                ..Clause::default()
+            });
+        }
+        // Places said after an order that had none: "go slow. near the sofa".
+        let regions = std::mem::take(&mut self.waiting_regions);
+        let names = std::mem::take(&mut self.waiting_names);
+        match self.out.orders.last_mut() {
+            Some(clause)
+                if clause.draft.regions.is_empty()
+                    && clause.draft.names.is_empty()
+                    && !clause.draft.has(Sense::Everywhere) =>
+            {
+                clause.draft.regions = regions;
+                clause.draft.names = names;
+            }
+            _ => {
+                self.out.unclaimed.extend(names);
+                self.out.unclaimed.extend(regions.into_iter().flat_map(|region| region.names));
+            }
+        }
+        self.out
+    }
+}
+
+fn extend_names(draft: &mut Draft, names: Vec<Name>) {
+    match draft.regions.last_mut() {
+        Some(region) if draft.names.is_empty() => region.names.extend(names),
+        _ => draft.names.extend(names),
+    }
+}

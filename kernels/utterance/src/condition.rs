@@ -1,0 +1,91 @@
+//! "when you see a dog, …": conditions become the place where an order holds, or a note.
+
+use crate::clause::{Clause, is_limit};
+use crate::draft::{Draft, Place, Region};
+use crate::lexicon::Sense;
+use crate::noun::Name;
+use crate::quantity::Kind;
+
+/// Puts a condition into a clause.
+pub fn apply(clause: &mut Clause, condition: &Draft) {
+    let order = &mut clause.draft;
+    let targetless = order.regions.is_empty() && order.names.is_empty();
+    // What was touched before is history, which no rule can hold.
+    if condition.has(Sense::VerbTouch) {
+        order.senses.push(Sense::History);
+    }
+    let unknown_state = !condition.predicate.is_empty()
+        || condition.has_any(&[Sense::Task, Sense::Sleeping, Sense::Fragile, Sense::Statement, Sense::Fine])
+        || condition.n_neg > 0;
+    let pronouns_only = order.all_names().all(|name| name.is_pronoun);
+    if !condition.leftover.is_empty() || condition.ttl_s.is_some() {
+        order.leftover.extend(condition.leftover.iter().cloned());
+        order.leftover.extend(condition.ttl_s.map(|s| format!("{s} seconds")));
+    }
+    // "when it is dark", "when the alarm rings": nothing that can be found.
+    let sees = ["there", "see", "spot", "notice", "detect", "meet", "encounter", "find"]
+        .iter()
+        .any(|word| condition.lead.contains(word));
+    let comes = condition.has_any(&[
+        Sense::Motion,
+        Sense::VerbOn,
+        Sense::VerbPast,
+        Sense::VerbNear,
+        Sense::VerbBlock,
+        Sense::Copula,
+        Sense::PrepNear,
+        Sense::Turn,
+        Sense::Statement,
+    ]) || !condition.quantities.is_empty();
+    let findable = |name: &&Name| !is_self(name) && (sees || comes) && !(name.is_pronoun && unknown_state);
+    let names: Vec<Name> = condition.names.iter().filter(findable).cloned().collect();
+    let mut regions: Vec<Region> = condition
+        .regions
+        .iter()
+        .filter(|region| region.names.iter().any(|name| !is_self(name)))
+        .cloned()
+        .collect();
+    if condition.has(Sense::Copula) && !names.is_empty() && !regions.is_empty() {
+        // "if someone is on crutches": about the someone.
+        regions.clear();
+    }
+    if regions.is_empty() && !names.is_empty() {
+        let place = if condition.has(Sense::VerbOn) { Place::On } else { Place::Near };
+        regions = vec![Region { place, names }];
+    }
+    let distance = condition.quantities.iter().filter(|q| q.kind == Kind::Distance).cloned();
+    let others = condition.quantities.iter().any(|q| q.kind != Kind::Distance);
+    if others {
+        order.leftover.push(condition.words.clone());
+    }
+    if (targetless || pronouns_only && !order.has(Sense::Revoke)) && !regions.is_empty() {
+        if is_limit(order) || order.has(Sense::Halt) {
+            order.regions = regions;
+            order.names.clear();
+        } else {
+            let (near, placed): (Vec<Region>, Vec<Region>) =
+                regions.into_iter().partition(|region| region.place == Place::Near);
+            if pronouns_only {
+                order.names.clear();
+                order.regions.clear();
+            }
+            order.names.extend(near.into_iter().flat_map(|region| region.names));
+            order.regions.extend(placed);
+        }
+        order.quantities.extend(distance);
+        if unknown_state {
+            clause.notes.push(format!("when {}", condition.words));
+        }
+    } else if condition.has(Sense::Turn) && is_limit(order) {
+        order.senses.push(Sense::Turn);
+    } else {
+        if distance.count() > 0 {
+            order.leftover.push(condition.words.clone());
+        }
+        clause.notes.push(format!("when {}", condition.words));
+    }
+}
+
+fn is_self(name: &Name) -> bool {
+    matches!(name.obj.as_str(), "you" | "robot")
+}

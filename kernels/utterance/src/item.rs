@@ -1,0 +1,105 @@
+//! Typed items out of tokens: quantities, phrases with senses, other words, marks.
+
+use crate::lexicon::{Lexicon, Sense};
+use crate::quantity::{BareUnit, Kind, Quantity, quantity_at};
+use crate::text::Token;
+
+/// What an item is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sort {
+    /// A measured number.
+    Quantity(Quantity),
+    /// A phrase of the lexicon, with all its senses.
+    Phrase(&'static [Sense]),
+    /// Any other word: material for a name.
+    Word,
+    /// Punctuation.
+    Mark,
+}
+
+/// One item and its words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Item {
+    /// What it is.
+    pub sort: Sort,
+    /// Its words, normalised.
+    pub text: String,
+}
+
+impl Item {
+    /// Whether one of its senses is this.
+    #[must_use]
+    pub fn is(&self, sense: Sense) -> bool {
+        matches!(self.sort, Sort::Phrase(senses) if senses.contains(&sense))
+    }
+
+    /// Whether one of its senses is among these.
+    #[must_use]
+    pub fn is_any(&self, senses: &[Sense]) -> bool {
+        senses.iter().any(|sense| self.is(*sense))
+    }
+
+    /// Whether it is a word without a sense of its own.
+    #[must_use]
+    pub fn is_word(&self) -> bool {
+        self.sort == Sort::Word
+    }
+}
+
+/// The items of an utterance.
+#[must_use]
+pub fn items(tokens: &[Token], bare_unit: BareUnit) -> Vec<Item> {
+    let lexicon = Lexicon::get();
+    let mut out: Vec<Item> = Vec::with_capacity(tokens.len());
+    let mut at = 0;
+    while let Some(token) = tokens.get(at) {
+        if token.is_mark() {
+            out.push(Item { sort: Sort::Mark, text: token.text.clone() });
+            at += 1;
+            continue;
+        }
+        let phrase = lexicon.senses_at(tokens, at);
+        let phrase_len = phrase.map_or(0, |(_, n)| n);
+        let measured = quantity_at(tokens, at, bare_unit).filter(|quantity| quantity.n_tokens >= phrase_len);
+        let (sort, n_tokens) = match (measured, phrase) {
+            (Some(quantity), _) if !is_part_of_a_name(&quantity, tokens, at, out.last()) => {
+                let n_tokens = quantity.n_tokens;
+                (Sort::Quantity(quantity), n_tokens)
+            }
+            (Some(_), None) => (Sort::Word, 1),
+            (_, Some((senses, n_tokens))) => (Sort::Phrase(senses), n_tokens),
+            _ => (Sort::Word, 1),
+        };
+        let text = tokens[at..at + n_tokens].iter().map(|t| t.text.as_str()).collect::<Vec<_>>().join(" ");
+        out.push(Item { sort, text });
+        at += n_tokens;
+    }
+    out
+}
+
+/// "room 3" and "the two chairs" hold numbers that measure nothing.
+fn is_part_of_a_name(quantity: &Quantity, tokens: &[Token], at: usize, before: Option<&Item>) -> bool {
+    if quantity.kind != Kind::Bare {
+        return false;
+    }
+    let first = tokens.get(at).map_or("", |token| token.text.as_str());
+    if first == "one" && quantity.n_tokens == 1 {
+        return true;
+    }
+    let numbered = before.is_some_and(|item| {
+        item.is_word() || matches!(item.text.as_str(), "room" | "dock" | "exit" | "charge" | "line" | "stop")
+    });
+    if numbered && first.starts_with(|c: char| c.is_ascii_digit()) {
+        return true;
+    }
+    let lexicon = Lexicon::get();
+    let next_is_word = tokens
+        .get(at + quantity.n_tokens)
+        .is_some_and(|next| !next.is_mark() && lexicon.senses_at(tokens, at + quantity.n_tokens).is_none());
+    quantity.n_tokens == 1
+        && next_is_word
+        && !lexicon.knows(first)
+        && tokens
+            .get(at + 1)
+            .is_some_and(|next| next.text.ends_with('s') || before.is_some_and(|b| b.is(Sense::Det)))
+}

@@ -1,0 +1,222 @@
+//! Noun phrases: where a name starts and ends among the items.
+
+use crate::item::{Item, Sort};
+use crate::lexicon::Sense;
+use crate::noun::{Name, Nouns};
+
+/// Most words in a name. More is a sentence that we failed to read, and is asked about.
+const WORDS_MAX: usize = 6;
+
+/// Senses that may also be a word in a name: "the stop sign", "the play mat".
+const NOUNABLE: [Sense; 28] = [
+    Sense::Task,
+    Sense::Halt,
+    Sense::Motion,
+    Sense::Turn,
+    Sense::TurnFast,
+    Sense::Dampen,
+    Sense::Revoke,
+    Sense::Statement,
+    Sense::Fast,
+    Sense::Hold,
+    Sense::StayOff,
+    Sense::Away,
+    Sense::SideLeft,
+    Sense::SideRight,
+    Sense::Fragile,
+    Sense::Sleeping,
+    Sense::OffLimits,
+    Sense::Fine,
+    Sense::Quiet,
+    Sense::SelfRef,
+    Sense::Slow,
+    Sense::Crawl,
+    Sense::Chat,
+    Sense::VerbOn,
+    Sense::VerbTouch,
+    Sense::Wide,
+    Sense::Attention,
+    Sense::VerbLeave,
+];
+
+/// The name that starts at `at`, and its items.
+///
+/// `expected` says that the grammar wants a name here (after "near", "avoid"), so that a word with
+/// another sense may open it.
+#[must_use]
+pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, usize)> {
+    let mut idx = at;
+    let mut universal = false;
+    let mut determined = false;
+    while let Some(item) = items.get(idx).filter(|item| item.is(Sense::Det)) {
+        let opens_name = items
+            .get(idx + 1)
+            .is_some_and(|next| next.is_word() || next.is(Sense::Det) || nounable(items, idx + 1, true));
+        // "that" and "those" point by themselves when no noun follows.
+        if !opens_name {
+            break;
+        }
+        universal |= ["all", "every", "any", "each"].iter().any(|word| item.text.starts_with(word));
+        determined = true;
+        idx += 1;
+    }
+    let words_start = idx;
+    while let Some(item) = items.get(idx) {
+        let takes = item.is_word()
+            || (idx == words_start
+                && nounable(
+                    items,
+                    idx,
+                    determined || (expected && !item.is_any(&[Sense::Motion, Sense::Hold])),
+                ))
+            || (idx > words_start && inside(items, idx));
+        if !takes || idx - words_start >= WORDS_MAX {
+            break;
+        }
+        idx += 1;
+    }
+    if idx == words_start {
+        return pronoun(items, at);
+    }
+    // "the blue one"
+    let pointed = items.get(idx).filter(|item| matches!(item.text.as_str(), "one" | "ones"));
+    let mut words: Vec<&str> = items[words_start..idx].iter().flat_map(|item| item.text.split(' ')).collect();
+    // "edge of the pool" is about the pool; "pile of boxes" about boxes.
+    let mut reference: Vec<&str> = words.clone();
+    if let Some(item) = pointed {
+        reference.push(&item.text);
+        idx += 1;
+    }
+    while items.get(idx).is_some_and(|item| item.is(Sense::Of)) {
+        let Some((inner, n_items)) = inner_words(items, idx + 1) else { break };
+        reference.push("of");
+        reference.extend(items[idx + 1..idx + 1 + n_items].iter().flat_map(|item| item.text.split(' ')));
+        if words.last().is_some_and(|head| Nouns::get().is_part(head)) {
+            words = inner;
+        }
+        idx += 1 + n_items;
+    }
+    let nouns = Nouns::get();
+    let universal = universal
+        || words.first().is_some_and(|word| matches!(*word, "everything" | "anything" | "everyone"));
+    let name = Name {
+        obj: nouns.class_noun(&words),
+        reference: reference.join(" "),
+        is_pronoun: false,
+        is_universal: universal,
+        n_words: words.len(),
+    };
+    Some((name, idx - at))
+}
+
+fn inner_words(items: &[Item], at: usize) -> Option<(Vec<&str>, usize)> {
+    let mut idx = at;
+    while items.get(idx).is_some_and(|item| item.is(Sense::Det)) {
+        idx += 1;
+    }
+    let start = idx;
+    while items.get(idx).is_some_and(Item::is_word) && idx - start < WORDS_MAX {
+        idx += 1;
+    }
+    if idx == start {
+        None
+    } else {
+        Some((items[start..idx].iter().flat_map(|item| item.text.split(' ')).collect(), idx - at))
+    }
+}
+
+/// Whether a word with another sense may open a name here.
+fn nounable(items: &[Item], at: usize, determined: bool) -> bool {
+    let Some(item) = items.get(at) else { return false };
+    if item.is_word() {
+        return true;
+    }
+    let numbered = items
+        .get(at + 1)
+        .is_some_and(|next| next.is_word() && next.text.starts_with(|c: char| c.is_ascii_digit()));
+    if numbered && matches!(item.text.as_str(), "room" | "rooms" | "dock" | "exit" | "line" | "stop") {
+        return true;
+    }
+    let ok_sense = item.is_any(&NOUNABLE)
+        && !item.is_any(&[
+            Sense::Pronoun,
+            Sense::Det,
+            Sense::Neg,
+            Sense::Everywhere,
+            Sense::AllRules,
+            Sense::Last,
+            Sense::OneOf,
+            Sense::RuleNoun,
+            Sense::SpeedNoun,
+            Sense::NormalSpeed,
+            Sense::PrepNear,
+            Sense::PrepBehind,
+            Sense::Slower,
+            Sense::Faster,
+            Sense::Wider,
+            Sense::Closer,
+        ]);
+    let other_robot = item.is(Sense::SelfRef)
+        && at.checked_sub(1).and_then(|idx| items.get(idx)).is_some_and(|det| det.text.ends_with("other"));
+    if other_robot || determined && matches!(item.text.as_str(), "room" | "rooms" | "exit") {
+        return true;
+    }
+    let single = !item.text.contains(' ');
+    let next_is_word = items.get(at + 1).is_some_and(Item::is_word);
+    // "the lift", "the drop": a lone sense word needs its article; "stop signs" needs a noun after.
+    let alone = determined
+        && item.is_any(&[Sense::Task, Sense::Revoke, Sense::Motion, Sense::Statement, Sense::Chat])
+        && !item.is_any(&[Sense::Halt]);
+    determined && ok_sense && single && (next_is_word || alone)
+}
+
+/// Whether a word with another sense continues a name: "hospital waiting room".
+fn inside(items: &[Item], at: usize) -> bool {
+    let Some(item) = items.get(at) else { return false };
+    let next_is_word = items.get(at + 1).is_some_and(Item::is_word);
+    // "tv stand", "dog run": a verb by itself cannot end an order that has a name before it.
+    let ends = items
+        .get(at + 1)
+        .is_none_or(|next| next.is_any(&[Sense::Copula, Sense::And, Sense::Or]) || next.sort == Sort::Mark);
+    // These are nouns whenever a word stands before them.
+    if matches!(item.text.as_str(), "room" | "rooms" | "dock" | "exit" | "space" | "spaces") {
+        return true;
+    }
+    if ends
+        && matches!(
+            item.text.as_str(),
+            "stand" | "run" | "drive" | "park" | "lift" | "feed" | "water" | "ride" | "drop" | "guard"
+        )
+    {
+        return true;
+    }
+    item.is_any(&NOUNABLE)
+        && !item.text.contains(' ')
+        && next_is_word
+        && (item.text.ends_with("ing")
+            || matches!(
+                item.text.as_str(),
+                "stop"
+                    | "play"
+                    | "charge"
+                    | "turn"
+                    | "walk"
+                    | "step"
+                    | "run"
+                    | "wheel"
+                    | "order"
+                    | "water"
+                    | "dry"
+                    | "feed"
+                    | "call"
+                    | "wash"
+            ))
+        && !item.is_any(&[Sense::PrepNear, Sense::PrepOn])
+}
+
+fn pronoun(items: &[Item], at: usize) -> Option<(Name, usize)> {
+    let item = items.get(at)?;
+    let points = item.is(Sense::Pronoun)
+        && !(item.is(Sense::Filler) && items.get(at + 1).is_some_and(|next| !next.is(Sense::Copula)));
+    points.then(|| (Name { reference: item.text.clone(), is_pronoun: true, ..Name::default() }, 1))
+}

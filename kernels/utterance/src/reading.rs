@@ -1,0 +1,378 @@
+//! From words to a reply: the readings tried, and how their parts make one answer.
+
+use geometry::Profile;
+use rules::{Outcome, RefuseReason, Relation, Reply, ReplyOption, Rule, RuleType};
+
+use crate::clause::{Clause, Clauses};
+use crate::combine::combine;
+use crate::dialogue::{Change, talk};
+use crate::draft::{Draft, Place};
+use crate::item::items;
+use crate::lexicon::{Lexicon, Sense};
+use crate::noun::{Name, Nouns};
+use crate::quantity::BareUnit;
+use crate::resolve::{Trouble, resolve};
+use crate::scan::scan;
+use crate::segment::segments;
+use crate::text::{CHARS_MAX, Token, tokens};
+use crate::{answer, gate, spelling};
+
+/// The reply to an utterance, given the rules in force.
+///
+/// Pure and total: any text gives a reply, in time linear in its length; more than [`CHARS_MAX`]
+/// characters are refused. New rules come without `id` and `anchor`; `revoked` holds ids of
+/// `active`, whose last element is the newest.
+#[must_use]
+pub fn parse(active: &[Rule], profile: &Profile, words: &str) -> Reply {
+    if words.chars().count() > CHARS_MAX {
+        let say =
+            format!("That is longer than {CHARS_MAX} characters. Please tell me one or two rules at a time.");
+        return answer::refuse(RefuseReason::Unsupported, &say);
+    }
+    if gate::is_unsafe(words).is_some() {
+        return answer::refuse(RefuseReason::Unsafe, "I won't do that: it would loosen my base safety.");
+    }
+    let plain = tokens(words, Lexicon::get());
+    let context = Context { active, profile, words };
+    let reply = context.read(&plain, None, true);
+    if reply.outcome != Outcome::Clarify {
+        return reply;
+    }
+    match spelling::put_right(&plain) {
+        Some((fixed, told)) => {
+            let mut second = context.read(&fixed, None, true);
+            if second.outcome == Outcome::Clarify {
+                return reply;
+            }
+            for (wrong, right) in told {
+                second.say.push_str(&format!(" I took \"{wrong}\" as \"{right}\"."));
+            }
+            second
+        }
+        None => reply,
+    }
+}
+
+struct Context<'a> {
+    active: &'a [Rule],
+    profile: &'a Profile,
+    words: &'a str,
+}
+
+/// What the clauses of an utterance add up to.
+#[derive(Default)]
+struct Sum {
+    added: Vec<Rule>,
+    lifted: Vec<String>,
+    is_revoke: bool,
+    notes: Vec<String>,
+    not_safety: bool,
+}
+
+impl Context<'_> {
+    fn read(&self, tokens: &[Token], bare_unit: BareUnit, may_offer: bool) -> Reply {
+        let items = items(tokens, bare_unit);
+        let drafts: Vec<Draft> = segments(&items)
+            .into_iter()
+            .map(|segment| Draft {
+                is_fresh: segment.is_fresh,
+                lead: segment.lead,
+                ..scan(&items[segment.range], segment.join)
+            })
+            .collect();
+        let clauses = combine(drafts);
+        match self.sum(&clauses) {
+            Ok(sum) => self.conclude(sum, &clauses),
+            Err(trouble) => self.explain(trouble, tokens, may_offer),
+        }
+    }
+
+    fn sum(&self, clauses: &Clauses) -> Result<Sum, Trouble> {
+        let mut sum = Sum::default();
+        let mut first_trouble = None;
+        for clause in &clauses.orders {
+            match self.one(clause, &sum.added) {
+                Ok(change) => {
+                    sum.is_revoke |= change.is_revoke;
+                    sum.lifted.extend(change.lifted);
+                    sum.added.extend(change.added);
+                    sum.notes.extend(clause.notes.iter().map(|note| note_words(note)));
+                    if let Some(when) = &clause.draft.unobservable {
+                        sum.notes.push(note_words(when));
+                    }
+                }
+                Err(Trouble::NotSafety) => sum.not_safety = true,
+                // What must be refused outweighs what must be asked.
+                Err(trouble @ (Trouble::Unsafe(_) | Trouble::Unsupported(_))) => {
+                    let opposites = matches!(trouble, Trouble::Unsupported(_))
+                        && clause.draft.has(Sense::Fast)
+                        && clauses.orders.len() > 1;
+                    return Err(if opposites {
+                        Trouble::Ask("Slow or fast: which should it be?".into())
+                    } else {
+                        trouble
+                    });
+                }
+                Err(trouble) => {
+                    first_trouble.get_or_insert(trouble);
+                }
+            }
+        }
+        if let Some(trouble) = first_trouble {
+            return Err(trouble);
+        }
+        self.check_coverage(clauses, &sum)?;
+        Ok(sum)
+    }
+
+    fn one(&self, clause: &Clause, fresh: &[Rule]) -> Result<Change, Trouble> {
+        if let Some(change) = talk(clause, self.active, fresh, self.profile)? {
+            return Ok(change);
+        }
+        match resolve(clause, self.active, self.profile) {
+            Ok(added) => Ok(Change { added, ..Change::default() }),
+            Err(Trouble::Loosens) => {
+                let mut lifting = clause.clone();
+                lifting.draft.n_neg = 0;
+                lifting.draft.senses.push(Sense::Lift);
+                talk(&lifting, self.active, fresh, self.profile)?
+                    .ok_or(Trouble::Ask("What should I change?".into()))
+            }
+            Err(trouble) => Err(trouble),
+        }
+    }
+
+    fn check_coverage(&self, clauses: &Clauses, sum: &Sum) -> Result<(), Trouble> {
+        if let Some(word) = clauses.leftover.first() {
+            return Err(Trouble::Ask(format!("I did not understand \"{word}\". What should I heed?")));
+        }
+        let claimed =
+            |name: &Name| name.is_pronoun || sum.added.iter().any(|rule| rule.phrase() == name.reference);
+        if let Some(name) = clauses.unclaimed.iter().find(|name| !claimed(name)) {
+            return Err(Trouble::WhatAbout(name.clone()));
+        }
+        // "avoid the rug and drive over the rug" cannot both be.
+        for other in &clauses.others {
+            let onto = other
+                .regions
+                .iter()
+                .filter(|region| matches!(region.place, Place::On | Place::Under))
+                .flat_map(|region| &region.names);
+            let onto = onto.chain(other.names.iter().filter(|_| other.has(Sense::VerbOn)));
+            for name in onto {
+                let clash = |rule: &Rule| {
+                    rule.rule_type == RuleType::Exclusion
+                        && !name.is_pronoun
+                        && Nouns::get().canonical(&rule.obj) == Nouns::get().canonical(&name.obj)
+                };
+                if sum.added.iter().any(clash) {
+                    return Err(Trouble::Ask(format!(
+                        "Should I go there or keep off the {}?",
+                        name.reference
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn conclude(&self, sum: Sum, clauses: &Clauses) -> Reply {
+        if sum.added.is_empty() && !sum.is_revoke {
+            return self.nothing(&sum, clauses);
+        }
+        let mut notes = sum.notes;
+        if !clauses.others.is_empty() || sum.not_safety {
+            notes.push("I only took the rule; tasks are not mine.".into());
+        }
+        let mut lifted = sum.lifted;
+        if sum.added.is_empty() {
+            dedup(&mut lifted);
+            let rules: Vec<&Rule> = self.active.iter().filter(|rule| lifted.contains(&rule.id)).collect();
+            return answer::revoke(&rules, &notes);
+        }
+        let mut added = settle(rules::tighten::join(sum.added));
+        for rule in &mut added {
+            rule.text = self.words.to_owned();
+            rule.parser = "offline".into();
+            for old in self
+                .active
+                .iter()
+                .filter(|old| !lifted.contains(&old.id))
+                .filter(|old| repeats(rule, old))
+                .collect::<Vec<_>>()
+            {
+                // What was filled in never loosens what was said before.
+                if rule.defaults.iter().any(|field| field == "buffer_m")
+                    && rule.rule_type == RuleType::Exclusion
+                {
+                    rule.buffer_m = rule.buffer_m.max(old.buffer_m);
+                }
+                lifted.push(old.id.clone());
+            }
+        }
+        dedup(&mut lifted);
+        for rule in &added {
+            if let Err(error) = rule.check(self.profile) {
+                return answer::clarify(
+                    &format!("I cannot take that as it is ({error}). What should it be?"),
+                    vec![],
+                );
+            }
+        }
+        answer::accept(added, lifted, &notes)
+    }
+
+    /// No rule and nothing lifted: a task, a story, or nothing we know.
+    fn nothing(&self, sum: &Sum, clauses: &Clauses) -> Reply {
+        if !clauses.others.is_empty() || sum.not_safety {
+            return answer::refuse(
+                RefuseReason::NotSafety,
+                "I only take rules about where and how fast I may go.",
+            );
+        }
+        let greeting = ["hello", "hi", "hey", "thanks", "thank you", "cheers"]
+            .iter()
+            .any(|word| self.words.to_lowercase().starts_with(word));
+        if greeting && clauses.stories.is_empty() && clauses.unclaimed.is_empty() {
+            return answer::refuse(
+                RefuseReason::NotSafety,
+                "I only take rules about where and how fast I may go.",
+            );
+        }
+        let told = clauses.stories.iter().flat_map(Draft::all_names).find(|name| !name.is_pronoun);
+        match told {
+            Some(name) => self.offer(name),
+            None => answer::clarify("I did not understand that as a rule. What should I heed?", vec![]),
+        }
+    }
+
+    /// A thing was named, but not what to heed about it.
+    fn offer(&self, name: &Name) -> Reply {
+        if Nouns::get().is_empty_name(&name.reference) || name.n_words > 4 {
+            return answer::clarify("I did not understand that as a rule. What should I heed?", vec![]);
+        }
+        let options = [
+            ("Keep away from it", "keep away from the"),
+            ("Slow down near it", "slow down near the"),
+            ("Be careful near it", "be careful near the"),
+        ]
+        .into_iter()
+        .filter_map(|(label, order)| {
+            let reply =
+                self.read(&tokens(&format!("{order} {}", name.reference), Lexicon::get()), None, false);
+            (reply.outcome == Outcome::Accept).then(|| ReplyOption { label: label.into(), reply })
+        })
+        .collect();
+        answer::clarify(&format!("What should I heed about the {}?", name.reference), options)
+    }
+
+    fn explain(&self, trouble: Trouble, tokens: &[Token], may_offer: bool) -> Reply {
+        match trouble {
+            Trouble::Ask(question) if question == "Which rule do you mean?" && may_offer => {
+                answer::clarify(&question, self.lift_options())
+            }
+            Trouble::Ask(question) => answer::clarify(&question, vec![]),
+            Trouble::Unit(number) => {
+                let question = format!("{number} metres, feet or centimetres?");
+                let units = if may_offer { vec!["m", "ft", "cm"] } else { vec![] };
+                let options = units
+                    .into_iter()
+                    .filter_map(|unit| {
+                        let reply = self.read(tokens, Some(unit), false);
+                        (reply.outcome == Outcome::Accept)
+                            .then(|| ReplyOption { label: format!("{number} {unit}"), reply })
+                    })
+                    .collect();
+                answer::clarify(&question, options)
+            }
+            Trouble::WhatAbout(name) if may_offer => self.offer(&name),
+            Trouble::WhatAbout(name) => {
+                answer::clarify(&format!("What should I heed about the {}?", name.reference), vec![])
+            }
+            Trouble::Unsupported(what) => answer::refuse(
+                RefuseReason::Unsupported,
+                &format!("I cannot {what}; my rules are about places, distances and top speeds."),
+            ),
+            Trouble::Unsafe(what) => answer::refuse(RefuseReason::Unsafe, &format!("I won't {what}.")),
+            Trouble::Loosens => answer::clarify("What should I change?", vec![]),
+            Trouble::NotSafety => answer::refuse(
+                RefuseReason::NotSafety,
+                "I only take rules about where and how fast I may go.",
+            ),
+        }
+    }
+
+    fn lift_options(&self) -> Vec<ReplyOption> {
+        self.active
+            .iter()
+            .rev()
+            .take(4)
+            .map(|rule| ReplyOption {
+                label: rules::english::status(rule),
+                reply: answer::revoke(&[rule], &[]),
+            })
+            .collect()
+    }
+}
+
+fn note_words(when: &str) -> String {
+    format!("I cannot tell \"{when}\" by myself, so this holds until you lift it: say \"forget it\".")
+}
+
+fn dedup(ids: &mut Vec<String>) {
+    let mut seen = std::collections::HashSet::new();
+    ids.retain(|id| seen.insert(id.clone()));
+}
+
+/// Whether `new` repeats `old` for the same region, by what the words mean.
+fn repeats(new: &Rule, old: &Rule) -> bool {
+    // A rug and a carpet may both lie there: such near-synonyms are never taken for one region.
+    const APART: [&str; 8] = ["rug", "door", "desk", "shelf", "plant", "stairs", "cable", "lawn"];
+    let object = Nouns::get().canonical(&new.obj);
+    if APART.contains(&object.as_str()) && new.obj != old.obj {
+        return false;
+    }
+    let canonical = |rule: &Rule| {
+        let nouns = Nouns::get();
+        let phrase =
+            if rule.phrase() == rule.obj { nouns.canonical(&rule.obj) } else { rule.phrase().to_owned() };
+        Rule {
+            obj: nouns.canonical(&rule.obj),
+            obj2: rule.obj2.as_deref().map(|name| nouns.canonical(name)),
+            reference: phrase,
+            ..rule.clone()
+        }
+    };
+    rules::tighten::replaces(&canonical(new), &canonical(old))
+}
+
+/// Exclusions of one object in one utterance: the wider holds the narrower; a said distance beats a default.
+fn settle(rules: Vec<Rule>) -> Vec<Rule> {
+    let area = |rule: &Rule| {
+        rule.rule_type == RuleType::Exclusion && matches!(rule.relation, Relation::Near | Relation::On)
+    };
+    let mut out: Vec<Rule> = Vec::with_capacity(rules.len());
+    for rule in rules {
+        let twin = out.iter_mut().find(|old| {
+            area(old)
+                && area(&rule)
+                && old.obj == rule.obj
+                && old.reference == rule.reference
+                && old.except == rule.except
+                && old.ttl_s == rule.ttl_s
+        });
+        match twin {
+            None => out.push(rule),
+            Some(old) => {
+                let is_default = |rule: &Rule| rule.defaults.iter().any(|field| field == "buffer_m");
+                let said = |rule: &Rule| rule.buffer_m > 0.0 && !is_default(rule);
+                let takes =
+                    (said(&rule) && !said(old)) || (said(&rule) == said(old) && rule.buffer_m > old.buffer_m);
+                if takes {
+                    *old = rule;
+                }
+            }
+        }
+    }
+    out
+}

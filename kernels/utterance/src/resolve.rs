@@ -1,0 +1,162 @@
+//! What one order means: rules, or why not.
+//!
+//! Numbers that were not said come from the table of vague words in `vague`.
+
+use geometry::Profile;
+use rules::Rule;
+use rules::rule::BUFFER_M_MAX;
+
+use crate::clause::{Clause, is_limit};
+use crate::draft::{Draft, Place};
+use crate::exclusion::exclusion;
+use crate::kinematic::{Intent, intent, kinematic};
+use crate::lexicon::Sense;
+use crate::noun::{Name, Nouns};
+use crate::quantity::Kind;
+
+/// Why an order is no rule.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Trouble {
+    /// Something has to be asked.
+    Ask(String),
+    /// A number without a unit: the number as said.
+    Unit(f64),
+    /// What to heed near this name: the name alone was said.
+    WhatAbout(Name),
+    /// It cannot be said in rules.
+    Unsupported(String),
+    /// It would loosen the base safety.
+    Unsafe(String),
+    /// It asks for less: to be handled as talk about rules.
+    Loosens,
+    /// Not an order about safety.
+    NotSafety,
+}
+
+/// The rules of one order.
+///
+/// # Errors
+/// [`Trouble`] when it is no rule.
+pub fn resolve(clause: &Clause, active: &[Rule], profile: &Profile) -> Result<Vec<Rule>, Trouble> {
+    let draft = with_referents(clause, active)?;
+    check_words(&draft)?;
+    let mut rules = if draft.has(Sense::VerbWake) && draft.is_negated()
+        || (draft.has_any(&[Sense::Quiet, Sense::Sleeping]) && !draft.has_any(&[Sense::Avoid, Sense::Away]))
+    {
+        intent(&draft, profile, Intent::Quiet)?
+    } else if draft.has_any(&[Sense::Careful, Sense::Fragile])
+        && !draft.is_negated()
+        && !draft.has_any(&[Sense::Away, Sense::Avoid, Sense::StayOff, Sense::Wide])
+    {
+        intent(&draft, profile, Intent::Careful)?
+    } else if is_limit(&draft) {
+        kinematic(&draft, profile)?
+    } else {
+        exclusion(&draft)?
+    };
+    for rule in &mut rules {
+        rule.ttl_s = draft.ttl_s;
+    }
+    Ok(rules)
+}
+
+fn check_words(draft: &Draft) -> Result<(), Trouble> {
+    if draft.has(Sense::History) {
+        return Err(Trouble::Unsupported("count or remember what I did before".into()));
+    }
+    if draft.has(Sense::MinSpeed) {
+        return Err(Trouble::Unsupported("promise a minimum speed".into()));
+    }
+    if let Some(word) = draft.leftover.first() {
+        return Err(Trouble::Ask(format!("I did not understand \"{word}\". What should I heed?")));
+    }
+    let excludes = draft.has_any(&[Sense::Avoid, Sense::Away, Sense::StayOff, Sense::Wide]);
+    let limits =
+        draft.has_any(&[Sense::Fast, Sense::Faster, Sense::Slow, Sense::Crawl, Sense::Halt, Sense::TurnSlow]);
+    if draft.is_crowded || excludes && limits {
+        return Err(Trouble::Ask(format!(
+            "I did not understand \"{}\". Please say it as one rule.",
+            draft.words
+        )));
+    }
+    for name in draft.all_names() {
+        if Nouns::get().is_empty_name(&name.reference) || name.n_words > 5 {
+            return Err(Trouble::Ask(format!("What do you mean by \"{}\"?", name.reference)));
+        }
+    }
+    if let Some(number) = draft.quantity(Kind::Bare) {
+        let speed =
+            draft.has_any(&[Sense::SpeedNoun, Sense::Slow]) && draft.quantity(Kind::Distance).is_none();
+        if !speed {
+            return Err(Trouble::Unit(number.value));
+        }
+    }
+    match draft.quantity(Kind::Distance) {
+        Some(far) if far.value > BUFFER_M_MAX || far.value <= 0.0 => Err(Trouble::Ask(format!(
+            "{} is out of my range of 0 to {BUFFER_M_MAX} m. How far should it be?",
+            far.said
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Pronouns become what was mentioned before, else the newest active rule's object.
+fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
+    let mut draft = clause.draft.clone();
+    let earlier: Option<Name> = clause.antecedents.last().cloned().or_else(|| {
+        active.iter().rev().find(|rule| !rule.obj.is_empty()).map(|rule| Name {
+            obj: rule.obj.clone(),
+            reference: rule.phrase().to_owned(),
+            n_words: 1,
+            ..Name::default()
+        })
+    });
+    let mut own: Option<Name> = None;
+    let place = clause.places.last().cloned();
+    let onto = draft
+        .regions
+        .iter_mut()
+        .filter(|region| matches!(region.place, Place::On | Place::Under))
+        .flat_map(|region| region.names.iter_mut());
+    for name in onto.filter(|name| name.is_pronoun) {
+        if let Some(place) = &place {
+            *name = place.clone();
+        }
+    }
+    let places = draft.regions.iter_mut().flat_map(|region| region.names.iter_mut());
+    for name in draft.names.iter_mut().chain(places) {
+        if !name.is_pronoun {
+            own = Some(name.clone());
+            continue;
+        }
+        let there = if name.reference.ends_with("there") { place.clone() } else { None };
+        match own.clone().or(there).or_else(|| earlier.clone()) {
+            Some(referent) => *name = referent,
+            None => return Err(Trouble::Ask(format!("What do you mean by \"{}\"?", name.reference))),
+        }
+    }
+    dedup(&mut draft.names);
+    let targetless = draft.names.is_empty() && draft.regions.is_empty();
+    // "be quiet nearby"
+    let nearby = draft.has(Sense::PrepNear);
+    if targetless && nearby && clause.antecedents.is_empty() {
+        return Err(Trouble::Ask("Near what?".into()));
+    }
+    if targetless
+        && (nearby || !is_limit(&draft))
+        && !draft.has_any(&[Sense::History, Sense::MinSpeed])
+        && let Some(name) = clause.antecedents.last()
+    {
+        draft.names.push(name.clone());
+    }
+    Ok(draft)
+}
+
+fn dedup(names: &mut Vec<Name>) {
+    let mut seen: Vec<String> = Vec::new();
+    names.retain(|name| {
+        let fresh = !seen.contains(&name.reference);
+        seen.push(name.reference.clone());
+        fresh
+    });
+}

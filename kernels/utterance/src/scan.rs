@@ -1,0 +1,437 @@
+//! Fills the slots of a draft from one stretch of items, left to right.
+
+use crate::draft::{Draft, Place, Region};
+use crate::item::{Item, Sort};
+use crate::lexicon::Sense;
+use crate::noun::Name;
+use crate::phrase::noun_phrase;
+use crate::quantity::{Bound, Kind, Quantity};
+use crate::segment::Join;
+
+/// Fills the slots from one stretch of items.
+#[must_use]
+pub fn scan(items: &[Item], join: Join) -> Draft {
+    let words = items.iter().map(|item| item.text.as_str()).collect::<Vec<_>>().join(" ");
+    let mut scanner = Scanner {
+        items,
+        at: 0,
+        draft: Draft { join: Some(join), words, ..Draft::default() },
+        before: Before::Nothing,
+    };
+    while scanner.at < items.len() {
+        scanner.step();
+    }
+    scanner.finish()
+}
+
+/// What was read last, for deciding what a place word attaches to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Before {
+    Nothing,
+    Place(Place),
+    Except,
+    LooseName,
+    RegionName,
+    Copula,
+    Other,
+}
+
+struct Scanner<'a> {
+    items: &'a [Item],
+    at: usize,
+    draft: Draft,
+    before: Before,
+}
+
+impl Scanner<'_> {
+    fn peek(&self, offset: usize) -> Option<&Item> {
+        self.items.get(self.at + offset)
+    }
+
+    fn step(&mut self) {
+        let Some(item) = self.items.get(self.at) else { return };
+        if let Sort::Quantity(quantity) = &item.sort {
+            self.quantity(quantity.clone());
+            return;
+        }
+        if self.before == Before::Copula && self.predicate_word(item) {
+            return;
+        }
+        if self.name() {
+            return;
+        }
+        let item = self.items[self.at].clone();
+        self.at += 1;
+        if item.is_word() {
+            self.draft.leftover.push(item.text);
+        } else if !self.place(&item) {
+            self.sense(&item);
+        }
+    }
+
+    fn quantity(&mut self, quantity: Quantity) {
+        self.at += 1;
+        let lead =
+            self.at.checked_sub(2).and_then(|idx| self.items.get(idx)).map_or("", |item| item.text.as_str());
+        if quantity.kind == Kind::Duration {
+            // "in ten minutes" and "every hour" are no lifetimes; left over, they become a question.
+            if matches!(lead, "in" | "after" | "every") || quantity.bound == Bound::Within || quantity.by {
+                self.draft.leftover.push(quantity.said);
+            } else {
+                self.draft.ttl_s = Some(quantity.value.round() as u64);
+                if matches!(self.before, Before::Place(_)) {
+                    self.before = Before::Other;
+                }
+            }
+            return;
+        }
+        self.draft.quantities.push(quantity);
+        if self.before != Before::Copula {
+            self.before = Before::Other;
+        }
+    }
+
+    /// A word after "is" with no meaning for us: told, not ordered.
+    fn predicate_word(&mut self, item: &Item) -> bool {
+        let told = item.is_any(&[Sense::Det, Sense::Statement, Sense::Motion, Sense::Task]);
+        let means = item.is_any(&[
+            Sense::VerbOn,
+            Sense::OffLimits,
+            Sense::Fragile,
+            Sense::Sleeping,
+            Sense::NeedsSpace,
+            Sense::Fine,
+            Sense::Pronoun,
+        ]);
+        if item.is_word() || told && !means {
+            self.draft.predicate.push(item.text.clone());
+            self.at += 1;
+            return true;
+        }
+        false
+    }
+
+    /// Reads a name here, if one starts, and puts it where it belongs.
+    fn name(&mut self) -> bool {
+        let expects = matches!(self.before, Before::Place(_) | Before::Except)
+            || self.draft.senses.last().is_some_and(|s| TRANSITIVE.contains(s))
+                && self.before == Before::Other;
+        let Some((name, n_items)) = noun_phrase(self.items, self.at, expects) else { return false };
+        self.at += n_items;
+        match self.before {
+            Before::Place(place) => {
+                let names = self.second_of_gap(place, name);
+                self.draft.regions.push(Region { place, names });
+                self.before = Before::RegionName;
+            }
+            Before::Except => {
+                self.draft.except.push(name);
+                self.before = Before::Other;
+            }
+            _ => {
+                self.draft.names.push(name);
+                self.before = Before::LooseName;
+            }
+        }
+        true
+    }
+
+    /// "between A and B" takes its second landmark at once.
+    fn second_of_gap(&mut self, place: Place, first: Name) -> Vec<Name> {
+        let mut names = vec![first];
+        if place == Place::Between
+            && self.peek(0).is_some_and(|item| item.is_any(&[Sense::And, Sense::Or]))
+            && let Some((second, n_items)) = noun_phrase(self.items, self.at + 1, true)
+        {
+            self.at += 1 + n_items;
+            names.push(second);
+        }
+        names
+    }
+
+    /// Reads a place word; attaches it to the name before it when it only describes that name.
+    fn place(&mut self, item: &Item) -> bool {
+        let follows_name = matches!(self.before, Before::LooseName | Before::RegionName);
+        if let (true, "with", Some((name, n_items))) =
+            (follows_name, item.text.as_str(), noun_phrase(self.items, self.at, true))
+        {
+            self.extend_last_name("with", &name);
+            self.at += n_items;
+            return true;
+        }
+        let Some(place) = place_of(item) else { return false };
+        let name_ahead = noun_phrase(self.items, self.at, true);
+        if let (true, Some((name, n_items))) = (follows_name && attaches(item, &self.draft), &name_ahead)
+            && !name.is_pronoun
+        {
+            self.extend_last_name(&item.text, name);
+            self.at += n_items;
+            return true;
+        }
+        let number_next = self.peek(0).is_some_and(|next| matches!(next.sort, Sort::Quantity(_)));
+        if place == Place::Near
+            && name_ahead.is_none()
+            && self.before == Before::LooseName
+            && !number_next
+            && item.text != "at"
+        {
+            // "people nearby", "a dog close by": nearness of the robot itself.
+            if let Some(name) = self.draft.names.pop() {
+                self.draft.regions.push(Region { place: Place::Near, names: vec![name] });
+                self.before = Before::RegionName;
+                return true;
+            }
+        }
+        if self.before == Before::Copula
+            && place == Place::Near
+            && name_ahead.is_none()
+            && !self.draft.names.is_empty()
+        {
+            let names = std::mem::take(&mut self.draft.names);
+            self.draft.regions.push(Region { place: Place::Near, names });
+            self.before = Before::RegionName;
+            return true;
+        }
+        if item.is(Sense::From)
+            && (self.draft.quantity(Kind::Distance).is_some() || self.draft.quantity(Kind::Bare).is_some())
+            && place == Place::Near
+        {
+            self.draft.senses.push(Sense::From);
+            self.before = Before::Other;
+            return true;
+        }
+        if place == Place::To && name_ahead.is_none() {
+            return true;
+        }
+        self.before = Before::Place(place);
+        if item.is(Sense::VerbOn) || item.is(Sense::Motion) {
+            self.draft.senses.push(Sense::Motion);
+        }
+        true
+    }
+
+    fn extend_last_name(&mut self, link: &str, tail: &Name) {
+        let name = match self.before {
+            Before::RegionName => self.draft.regions.last_mut().and_then(|region| region.names.last_mut()),
+            _ => self.draft.names.last_mut(),
+        };
+        if let Some(name) = name {
+            name.reference = format!("{} {link} {}", name.reference, tail.reference);
+            // "the area around the stove" is about the stove.
+            if matches!(
+                name.obj.as_str(),
+                "area" | "space" | "region" | "zone" | "spot" | "place" | "bit" | "floor area"
+            ) {
+                name.obj.clone_from(&tail.obj);
+            }
+        }
+    }
+
+    fn sense(&mut self, item: &Item) {
+        let Sort::Phrase(senses) = item.sort else { return };
+        let next_is_deed = self.peek(0).is_some_and(|next| {
+            next.is_any(&[
+                Sense::Motion,
+                Sense::VerbOn,
+                Sense::VerbNear,
+                Sense::VerbTouch,
+                Sense::VerbPast,
+                Sense::VerbBlock,
+                Sense::VerbWake,
+                Sense::TurnFast,
+                Sense::Turn,
+                Sense::Fast,
+                Sense::VerbLeave,
+            ])
+        });
+        // "avoid going under", "stop bumping into": a negation.
+        let gerund_next = next_is_deed
+            && self.peek(0).is_some_and(|next| {
+                next.text.split(' ').any(|word| word.ends_with("ing"))
+                    || (item.is(Sense::Avoid) && next.is_any(&[Sense::TurnFast]))
+            });
+        if (item.is(Sense::Avoid) && item.text.starts_with("avoid")
+            || item.text == "stop"
+            || item.is(Sense::Away) && item.text == "away from")
+            && gerund_next
+        {
+            self.draft.n_neg += 1;
+            self.before = Before::Other;
+            return;
+        }
+        let chosen = choose(item, senses, &self.draft, self.peek(0));
+        match chosen {
+            Some(Sense::Neg) => self.draft.n_neg += 1,
+            Some(Sense::TimeWords) => self.draft.unobservable = Some(item.text.clone()),
+            Some(Sense::Except | Sense::But) => {
+                self.before = Before::Except;
+                return;
+            }
+            Some(Sense::Copula) => {
+                self.draft.senses.push(Sense::Copula);
+                self.before = Before::Copula;
+                return;
+            }
+            Some(Sense::Filler | Sense::Det) | None => {
+                // Fillers leave the grammar as it was: "slow, um, down".
+                if self.before == Before::Copula {
+                    return;
+                }
+                if !matches!(self.before, Before::Place(_) | Before::Except) && !self.draft.names.is_empty() {
+                    self.before = Before::Other;
+                }
+                return;
+            }
+            Some(sense) => self.draft.senses.push(sense),
+        }
+        self.before = Before::Other;
+    }
+
+    fn finish(mut self) -> Draft {
+        let loose = self.draft.names.iter().filter(|name| !name.is_pronoun).count();
+        self.draft.is_crowded = loose > 1
+            && !self.draft.has_any(&[Sense::Copula, Sense::ThereIs, Sense::Subject, Sense::Statement]);
+        // A place word without a name: nearness said of nobody, or a dangling word.
+        if let Before::Place(place) = self.before {
+            if place == Place::Near {
+                self.draft.senses.push(Sense::PrepNear);
+            } else {
+                self.draft.regions.push(Region { place, names: Vec::new() });
+            }
+        }
+        self.draft
+    }
+}
+
+/// Senses whose next name is their object.
+const TRANSITIVE: [Sense; 12] = [
+    Sense::Avoid,
+    Sense::VerbOn,
+    Sense::VerbNear,
+    Sense::VerbTouch,
+    Sense::VerbPast,
+    Sense::VerbBlock,
+    Sense::VerbWake,
+    Sense::From,
+    Sense::Of,
+    Sense::ForWhom,
+    Sense::StayOff,
+    Sense::Careful,
+];
+
+fn place_of(item: &Item) -> Option<Place> {
+    const PLACES: [(Sense, Place); 11] = [
+        (Sense::PrepBetween, Place::Between),
+        (Sense::PrepUnder, Place::Under),
+        (Sense::PrepPast, Place::Past),
+        (Sense::PrepFront, Place::Front),
+        (Sense::PrepBehind, Place::Behind),
+        (Sense::PrepLeft, Place::Left),
+        (Sense::PrepRight, Place::Right),
+        (Sense::ThisSide, Place::ThisSide),
+        (Sense::PrepOn, Place::On),
+        (Sense::PrepNear, Place::Near),
+        (Sense::To, Place::To),
+    ];
+    if item.text == "about" {
+        return None;
+    }
+    PLACES.iter().find(|(sense, _)| item.is(*sense)).map(|(_, place)| *place)
+}
+
+/// Whether a place word after a name describes that name, rather than naming another region.
+fn attaches(item: &Item, draft: &Draft) -> bool {
+    // Words of a path lead on: "to the door through the hall".
+    const PATH: [&str; 12] = [
+        "through", "across", "over", "into", "onto", "past", "beyond", "up", "down", "along", "crossing",
+        "to",
+    ];
+    if PATH.contains(&item.text.as_str()) {
+        return false;
+    }
+    // "keep the table on your left", "there is a cable under the desk": describes.
+    let is_self = draft.names.last().is_some_and(|name| name.obj == "wheel");
+    !is_self
+}
+
+/// The sense that the context asks for; none for words to pass over.
+fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<&Item>) -> Option<Sense> {
+    let held = draft.has(Sense::Hold);
+    let text = item.text.as_str();
+    let first_of = |wanted: &[Sense]| wanted.iter().copied().find(|sense| senses.contains(sense));
+    match text {
+        "clear" | "back" if held => return Some(Sense::Away),
+        "off" | "off of" if !draft.quantities.is_empty() && draft.quantity(Kind::Distance).is_some() => {
+            return Some(Sense::From);
+        }
+        "about" if draft.has_any(&[Sense::Revoke, Sense::RuleNoun, Sense::Careful, Sense::Same]) => {
+            return Some(Sense::ForWhom);
+        }
+        "speed" | "the speed" => {
+            let noun = draft.has_any(&[Sense::Dampen, Sense::Slow, Sense::Make, Sense::Revoke, Sense::Hold])
+                || !draft.is_negated();
+            return Some(if noun { Sense::SpeedNoun } else { Sense::Fast });
+        }
+        "to avoid" => return Some(Sense::Avoid),
+        "go around" | "drive around" if next.is_some_and(|n| n.is_word() || n.is(Sense::Det)) => {
+            return Some(Sense::Avoid);
+        }
+        "leave" => return Some(if draft.is_negated() { Sense::VerbLeave } else { Sense::Hold }),
+        "clear" | "drop" | "lift" | "end" | "reset" | "scratch"
+            if draft.senses.is_empty() && draft.n_neg == 0 =>
+        {
+            return Some(Sense::Revoke);
+        }
+        "use" if draft.is_negated() => return Some(Sense::VerbOn),
+        "is" | "are" | "be" | "been" | "must be" | "should be"
+            if !draft.names.is_empty() || !draft.regions.is_empty() =>
+        {
+            return Some(Sense::Copula);
+        }
+        "be" | "do" | "does" | "did" => {
+            return if text == "be" && draft.is_negated() { Some(Sense::Motion) } else { None };
+        }
+        "wide" if next.is_some_and(Item::is_word) => return None,
+        "too" if next.is_some() => return None,
+        _ => {}
+    }
+    first_of(&[Sense::Neg, Sense::Lift, Sense::NormalSpeed, Sense::AsNormal, Sense::History, Sense::MinSpeed])
+        .or_else(|| {
+            if draft.has(Sense::Copula) {
+                first_of(&[Sense::OffLimits, Sense::Fragile, Sense::Sleeping, Sense::NeedsSpace, Sense::Fine])
+            } else {
+                None
+            }
+        })
+        .or_else(|| {
+            if senses.contains(&Sense::Filler)
+                && !senses.contains(&Sense::Fine)
+                && !senses.iter().any(|s| {
+                    matches!(
+                        s,
+                        Sense::Make
+                            | Sense::AsWell
+                            | Sense::Motion
+                            | Sense::Copula
+                            | Sense::Everywhere
+                            | Sense::Careful
+                    )
+                })
+            {
+                Some(Sense::Filler)
+            } else {
+                None
+            }
+        })
+        .or_else(|| senses.iter().copied().find(|sense| !matches!(sense, Sense::Filler | Sense::Det)))
+        .or(Some(Sense::Filler))
+        .map(|sense| match sense {
+            // Outside a statement "fine" and "ok" are chatter.
+            Sense::Fine
+                if senses.contains(&Sense::Filler) && !draft.has(Sense::Copula) && draft.names.is_empty() =>
+            {
+                Sense::Filler
+            }
+            other => other,
+        })
+}

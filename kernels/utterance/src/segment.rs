@@ -1,0 +1,213 @@
+//! Cuts an utterance into stretches that say one thing each.
+//!
+//! Cuts are cheap and often wrong ("the rug and | the sofa"); joining what belongs together is the
+//! business of `combine`, which knows what each stretch holds.
+
+use std::ops::Range;
+
+use crate::item::{Item, Sort};
+use crate::lexicon::Sense;
+use crate::quantity::Kind;
+
+/// How a stretch is tied to the one before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Join {
+    /// First of its sentence.
+    Start,
+    /// Comma, colon or dash.
+    Comma,
+    /// "and", "plus", "also".
+    And,
+    /// "or", "nor".
+    Or,
+    /// "but", "however".
+    But,
+    /// "so", "therefore".
+    So,
+    /// "because", "otherwise": a reason.
+    Because,
+    /// "if", "when", "while".
+    If,
+    /// "until", "unless".
+    Until,
+    /// Nothing said: the grammar starts anew.
+    Bare,
+}
+
+/// One stretch of items.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// How it is tied to the one before.
+    pub join: Join,
+    /// Whether a connector or a mark stood before its own ("and if …", not "… if …").
+    pub is_fresh: bool,
+    /// The connector's own words: "when you see".
+    pub lead: String,
+    /// Its items.
+    pub range: Range<usize>,
+}
+
+/// Senses that begin a new order after a condition ("when you see a dog | slow down").
+const ORDERS: [Sense; 15] = [
+    Sense::Slow,
+    Sense::Crawl,
+    Sense::Halt,
+    Sense::TurnSlow,
+    Sense::Careful,
+    Sense::Quiet,
+    Sense::Avoid,
+    Sense::Hold,
+    Sense::WalkPace,
+    Sense::Slower,
+    Sense::Dampen,
+    Sense::SpeedNoun,
+    Sense::Wide,
+    Sense::StayOff,
+    Sense::Contain,
+];
+
+/// The stretches of an utterance, in order, none empty.
+#[must_use]
+pub fn segments(items: &[Item]) -> Vec<Segment> {
+    let mut out = Vec::new();
+    let mut open = Segment { join: Join::Start, is_fresh: true, lead: String::new(), range: 0..0 };
+    // "between the sofa and the tv": the next "and" is inside.
+    let mut and_is_inside = false;
+    let mut named = false;
+    for (at, item) in items.iter().enumerate() {
+        if item.is(Sense::PrepBetween) {
+            and_is_inside = true;
+        }
+        if and_is_inside && item.is_any(&[Sense::And, Sense::Or]) {
+            and_is_inside = false;
+            continue;
+        }
+        let cut = cut_before(items, at, open.join, out.is_empty(), named);
+        if let Some((join, keeps_item)) = cut {
+            open.range.end = at;
+            push(&mut out, &open);
+            let start = if keeps_item { at } else { at + 1 };
+            // Two connectors in a row: the telling one stays.
+            let is_fresh = open.range.is_empty() || !matches!(join, Join::If | Join::Until | Join::Because);
+            let join = if open.range.is_empty() { stronger(open.join, join) } else { join };
+            let lead = if keeps_item { String::new() } else { item.text.clone() };
+            open = Segment { join, is_fresh, lead, range: start..start };
+            named = false;
+        }
+        if cut.is_none_or(|(_, keeps_item)| keeps_item) {
+            named |= item.is_word() || item.is(Sense::Pronoun) || item.is(Sense::PrepNear);
+        }
+    }
+    open.range.end = items.len();
+    push(&mut out, &open);
+    out
+}
+
+fn push(out: &mut Vec<Segment>, segment: &Segment) {
+    if !segment.range.is_empty() {
+        out.push(segment.clone());
+    }
+}
+
+fn stronger(a: Join, b: Join) -> Join {
+    match (a, b) {
+        (Join::Start, Join::Comma | Join::And | Join::So | Join::But) => Join::Start,
+        (_, Join::Comma | Join::Bare) => a,
+        _ => b,
+    }
+}
+
+/// Whether a cut falls before this item, and whether the item belongs to the new stretch.
+fn cut_before(items: &[Item], at: usize, open: Join, is_first: bool, named: bool) -> Option<(Join, bool)> {
+    let item = &items[at];
+    let before = at.checked_sub(1).and_then(|idx| items.get(idx));
+    let next = items.get(at + 1);
+    if item.sort == Sort::Mark {
+        let join = if matches!(item.text.as_str(), "," | ":" | "-") { Join::Comma } else { Join::Start };
+        return Some((join, false));
+    }
+    // Inside a name ("the drop off area") nothing cuts.
+    if before.is_some_and(|b| b.is(Sense::Det) && !b.is(Sense::Pronoun)) && !item.is(Sense::Neg) {
+        return None;
+    }
+    if item.is(Sense::OpenEnded) || item.is(Sense::TimeWords) || item.is(Sense::Except) {
+        return None;
+    }
+    // "please to avoid the table" orders; "keep back to avoid damage" gives a reason.
+    let is_order = item.text == "to avoid"
+        && !items[..at].iter().any(|earlier| earlier.is_word() || earlier.is(Sense::Hold));
+    if item.is(Sense::Because) && !is_order {
+        return Some((Join::Because, false));
+    }
+    if item.is(Sense::So) && !item.is(Sense::Filler) {
+        return Some((Join::So, false));
+    }
+    if item.is(Sense::Until) {
+        return Some((Join::Until, false));
+    }
+    if item.is(Sense::IfWhen) && !(item.text == "once" && next.is_none_or(|n| n.sort == Sort::Mark)) {
+        return Some((Join::If, false));
+    }
+    if item.is(Sense::And) {
+        return Some((Join::And, false));
+    }
+    if item.is(Sense::Or) {
+        return Some((Join::Or, false));
+    }
+    if item.is(Sense::But)
+        && !(item.text == "only" && before.is_none())
+        && !(item.text == "just" && before.is_none())
+    {
+        let universal_exception = item.text == "but"
+            && before.is_some_and(Item::is_word)
+            && next.is_some_and(|n| n.is(Sense::Det) || n.is_word())
+            && items[..at].iter().any(|i| {
+                i.is(Sense::Det)
+                    && matches!(i.text.as_str(), "all" | "every" | "any" | "all the" | "all of the")
+            });
+        let after_everywhere = item.text == "but"
+            && before
+                .is_some_and(|b| b.is_any(&[Sense::Everywhere, Sense::AllRules]) || b.text == "anything");
+        return if universal_exception || after_everywhere { None } else { Some((Join::But, false)) };
+    }
+    if item.is(Sense::Also) && !item.is(Sense::AsWell) {
+        return Some((Join::And, false));
+    }
+    if item.text == "also" && before.is_some() && next.is_some_and(|n| n.sort != Sort::Mark) {
+        return Some((Join::And, false));
+    }
+    if (open == Join::If || open == Join::Because && is_first) && named && begins_order(items, at) {
+        return Some((Join::Bare, true));
+    }
+    // A new subject after a name opens a reason: "the stove | it is hot".
+    let subject = item.is(Sense::Subject)
+        || (item.is(Sense::Pronoun)
+            && matches!(item.text.as_str(), "it" | "that" | "this" | "those" | "these")
+            && next.is_some_and(|n| n.is(Sense::Copula) && !n.is(Sense::Filler)))
+        || item.is(Sense::ThereIs);
+    if subject && named && before.is_some_and(|b| b.is_word() || b.is(Sense::Pronoun)) {
+        return Some((Join::Comma, true));
+    }
+    None
+}
+
+fn begins_order(items: &[Item], at: usize) -> bool {
+    let item = &items[at];
+    let before = at.checked_sub(1).and_then(|idx| items.get(idx));
+    // "when you get close, stop" has its comma; here a verb right after the name opens the order.
+    let third_person = item.text.split(' ').next().is_some_and(|verb| verb.ends_with('s') && verb != "pass");
+    let motion = item.is(Sense::Motion)
+        && !third_person
+        && !item.is(Sense::Filler)
+        && before.is_some_and(|b| b.is_word() || b.is_any(&[Sense::PrepNear, Sense::Pronoun]))
+        && items.get(at + 1).is_some_and(|n| {
+            n.is_any(&ORDERS)
+                || matches!(&n.sort, Sort::Quantity(q) if matches!(q.kind, Kind::Speed | Kind::Fraction))
+                || n.text == "at"
+                || n.is(Sense::Turn)
+        });
+    let order = item.is_any(&ORDERS) && !item.is_any(&[Sense::Pronoun, Sense::PrepNear]);
+    let negated = item.is(Sense::Neg)
+        && before.is_some_and(|b| b.is_word() || b.is_any(&[Sense::PrepNear, Sense::Pronoun]));
+    motion || order || negated
+}

@@ -1,0 +1,217 @@
+//! Words out of raw text: lower case, contractions undone, numbers apart from their units.
+//!
+//! Nothing is interpreted here and nothing is dropped but characters that carry no words. Work is
+//! linear in the text.
+
+use crate::lexicon::Lexicon;
+
+/// Most characters an utterance may have.
+pub const CHARS_MAX: usize = 2000;
+
+/// One word, number or punctuation mark.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Token {
+    /// Lower case, with straight apostrophes.
+    pub text: String,
+    /// Whether the speaker wrote it glued to the token before ("60" and "cm").
+    pub glued: bool,
+}
+
+impl Token {
+    /// Whether it is a mark that ends or pauses a sentence.
+    #[must_use]
+    pub fn is_mark(&self) -> bool {
+        matches!(self.text.as_str(), "." | "," | ";" | "!" | "?" | ":" | "-")
+    }
+}
+
+/// The tokens of a text, with contractions written out.
+#[must_use]
+pub fn tokens(text: &str, lexicon: &Lexicon) -> Vec<Token> {
+    let mut out = Vec::new();
+    for token in raw_tokens(text) {
+        if let Some(words) = lexicon.written_out(&token.text) {
+            out.extend(words.iter().map(|word| Token { text: word.clone(), glued: false }));
+        } else if token.text.contains('-') && token.text.len() > 1 {
+            push_compound(&token, lexicon, &mut out);
+        } else {
+            out.push(token);
+        }
+    }
+    split_short_is(out, lexicon)
+}
+
+/// "the rug's gone": an "is" when a state follows, else a possessor.
+fn split_short_is(tokens: Vec<Token>, lexicon: &Lexicon) -> Vec<Token> {
+    let mut out = Vec::with_capacity(tokens.len());
+    for (at, token) in tokens.iter().enumerate() {
+        let state_follows =
+            lexicon.senses_at(&tokens, at + 1).is_some_and(|(senses, _)| senses.iter().any(|s| s.is_state()));
+        match token.text.strip_suffix("'s").filter(|_| state_follows) {
+            Some(noun) => out.extend([noun, "is"].map(|word| Token { text: word.to_owned(), glued: false })),
+            None => out.push(token.clone()),
+        }
+    }
+    out
+}
+
+/// "30-centimetre" and "off-limits" fall apart; "walk-in" stays one word.
+fn push_compound(token: &Token, lexicon: &Lexicon, out: &mut Vec<Token>) {
+    let parts: Vec<&str> = token.text.split('-').filter(|part| !part.is_empty()).collect();
+    let phrase = parts.join(" ");
+    let splits = lexicon.is_phrase(&phrase)
+        || parts.iter().any(|part| crate::number::is_number_word(part))
+        || parts.first().is_some_and(|part| part.starts_with(|c: char| c.is_ascii_digit()));
+    if splits {
+        out.extend(parts.iter().map(|part| Token { text: (*part).to_owned(), glued: false }));
+    } else {
+        out.push(token.clone());
+    }
+}
+
+fn raw_tokens(text: &str) -> Vec<Token> {
+    let chars: Vec<char> = text.chars().take(CHARS_MAX).flat_map(plain).collect();
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < chars.len() {
+        let start = at;
+        let glued = at > 0 && !chars[at - 1].is_whitespace();
+        let c = chars[at];
+        if c.is_ascii_digit() || (c == '.' && digit_at(&chars, at + 1) && !digit_before(&chars, at)) {
+            at = number_end(&chars, at);
+            out.push(Token { text: number_text(&chars[start..at]), glued });
+        } else if c.is_alphabetic() || c == '°' {
+            at = word_end(&chars, at);
+            out.push(Token { text: word_text(&chars[start..at]), glued });
+        } else {
+            at += 1;
+            match c {
+                '\'' | '"' if digit_before(&chars, start) => out.push(Token { text: c.to_string(), glued }),
+                '%' | '/' | '.' | ',' | ';' | '!' | '?' | ':' => {
+                    out.push(Token { text: c.to_string(), glued })
+                }
+                // A dash between spaces pauses; a lone hyphen elsewhere joins nothing.
+                '-' if !glued => out.push(Token { text: "-".into(), glued }),
+                '\n' => out.push(Token { text: ".".into(), glued: false }),
+                '&' => out.push(Token { text: "and".into(), glued: false }),
+                _ => {}
+            }
+        }
+    }
+    out
+}
+
+/// Lower case, straight quotes, plain dashes, vulgar fractions as digits.
+fn plain(c: char) -> Vec<char> {
+    match c {
+        '’' | '‘' | 'ʼ' | '`' | '´' | '′' => vec!['\''],
+        '“' | '”' | '″' => vec!['"'],
+        '–' | '—' | '−' | '‐' | '‑' => vec!['-'],
+        '½' => " 0.5 ".chars().collect(),
+        '¼' => " 0.25 ".chars().collect(),
+        '¾' => " 0.75 ".chars().collect(),
+        '…' => vec![',', ' '],
+        _ => c.to_lowercase().collect(),
+    }
+}
+
+fn digit_at(chars: &[char], at: usize) -> bool {
+    chars.get(at).is_some_and(char::is_ascii_digit)
+}
+
+fn digit_before(chars: &[char], at: usize) -> bool {
+    at > 0 && digit_at(chars, at - 1)
+}
+
+/// Digits with one decimal point or comma, or thousands' commas.
+fn number_end(chars: &[char], start: usize) -> usize {
+    let mut at = start;
+    let mut seen_point = false;
+    while at < chars.len() {
+        let joins = (chars[at] == '.' || chars[at] == ',') && !seen_point && digit_at(chars, at + 1);
+        if joins {
+            seen_point = chars[at] == '.';
+        } else if !chars[at].is_ascii_digit() {
+            break;
+        }
+        at += 1;
+    }
+    at
+}
+
+/// "1,000" loses its comma; "1,5" is a decimal comma.
+fn number_text(chars: &[char]) -> String {
+    let text: String = chars.iter().collect();
+    let groups: Vec<&str> = text.split(',').collect();
+    match groups.as_slice() {
+        [_] => text,
+        [_, rest @ ..] if rest.iter().all(|group| group.split('.').next().is_some_and(|g| g.len() == 3)) => {
+            groups.concat()
+        }
+        [whole, decimals] if !text.contains('.') => format!("{whole}.{decimals}"),
+        _ => text,
+    }
+}
+
+/// Letters and digits with inner apostrophes and hyphens; "m/s" and its like stay whole.
+fn word_end(chars: &[char], start: usize) -> usize {
+    let mut at = start + 1;
+    let letter = |at: usize| chars.get(at).is_some_and(|c| c.is_alphanumeric());
+    while at < chars.len() {
+        let c = chars[at];
+        let inner = matches!(c, '\'' | '-') && letter(at + 1);
+        let slash = c == '/' && is_unit_slash(&chars[start..at], &chars[at + 1..]);
+        // The plural possessive: "nurses' station".
+        let trailing = c == '\'' && chars[at - 1] == 's';
+        if !(c.is_alphanumeric() || inner || slash || trailing) {
+            break;
+        }
+        at += 1;
+    }
+    at
+}
+
+fn word_text(chars: &[char]) -> String {
+    chars.iter().collect()
+}
+
+fn is_unit_slash(before: &[char], after: &[char]) -> bool {
+    const TOPS: [&str; 12] = ["m", "cm", "mm", "km", "ft", "in", "rad", "rads", "deg", "°", "mi", "degrees"];
+    const BOTTOMS: [&str; 8] = ["s", "sec", "second", "h", "hr", "hour", "min", "minute"];
+    let top: String = before.iter().collect();
+    let bottom: String = after.iter().take_while(|c| c.is_alphabetic()).take(8).collect();
+    TOPS.contains(&top.as_str()) && BOTTOMS.contains(&bottom.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(text: &str, words: &[&str]) {
+        let found: Vec<String> = tokens(text, Lexicon::get()).into_iter().map(|token| token.text).collect();
+        assert_eq!(found, words, "{text}");
+    }
+
+    #[test]
+    fn contractions_are_written_out_with_and_without_apostrophes() {
+        check("Don’t go", &["do", "not", "go"]);
+        check("dont go", &["do", "not", "go"]);
+        check("it's the baby's crib", &["it", "is", "the", "baby's", "crib"]);
+    }
+
+    #[test]
+    fn numbers_part_from_their_units() {
+        check("60cm", &["60", "cm"]);
+        check("1.5m/s, .5 m", &["1.5", "m/s", ",", ".5", "m"]);
+        check("6\" or 3'", &["6", "\"", "or", "3", "'"]);
+        check("1,5 m and 1,000 m", &["1.5", "m", "and", "1000", "m"]);
+        check("30-centimetre", &["30", "centimetre"]);
+    }
+
+    #[test]
+    fn other_scripts_and_symbols_never_stop_the_tokens() {
+        check("не ходи 走开 🤖 avoid", &["не", "ходи", "走开", "avoid"]);
+        check("nurses' station", &["nurses'", "station"]);
+    }
+}

@@ -1,0 +1,315 @@
+//! The picture that the demonstration leaves: both paths over the map, and how fast they were driven.
+//!
+//! Red and dashed without the words, green with them; the region that the robot found for the rule is
+//! blue. What stands in the room is drawn from the scene, everything else from what the robot published.
+
+use std::path::Path;
+
+use anyhow::{Context, anyhow};
+use geometry::Point2;
+use heedway_simulator::scene::Scene;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use proto::{BaseMap, CellSet, GridLayout};
+
+use super::outlines;
+use super::record::Record;
+
+/// Width of the picture, pixels.
+const WIDTH_PX: u32 = 1200;
+/// Highest map, pixels; a narrow, long room is drawn smaller.
+const MAP_HEIGHT_PX_MAX: f64 = 1400.0;
+/// Height of the speed panel, pixels.
+const SPEED_HEIGHT_PX: u32 = 300;
+/// Room for caption and axes around the map, pixels: along x, along y.
+const FRAME_PX: (u32, u32) = (86, 108);
+/// How much is shown around the floor, metres.
+const BORDER_M: f64 = 0.3;
+/// Most characters of the words that are shown.
+const N_WORDS_CHARS: usize = 80;
+
+const WITHOUT: RGBColor = RGBColor(214, 39, 40);
+const WITH: RGBColor = RGBColor(34, 139, 34);
+const REGION: RGBColor = RGBColor(31, 99, 210);
+const OCCUPIED: RGBColor = RGBColor(70, 70, 70);
+const UNKNOWN: RGBColor = RGBColor(214, 214, 214);
+
+type Map<'a> = ChartContext<'a, BitMapBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Draws the picture and writes it as PNG.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write(
+    file: &Path,
+    scene: &Scene,
+    words: &str,
+    without: &Record,
+    with: &Record,
+) -> anyhow::Result<()> {
+    plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
+        .map_err(|_| anyhow!("the built-in font cannot be read"))?;
+    let (low, high) = outlines::bounds(scene);
+    let (width_m, height_m) = (high.x - low.x + 2.0 * BORDER_M, high.y - low.y + 2.0 * BORDER_M);
+    // One metre is as long along y as along x.
+    let px_per_m = (f64::from(WIDTH_PX - FRAME_PX.0) / width_m).min(MAP_HEIGHT_PX_MAX / height_m);
+    let map_width = (px_per_m * width_m).round() as u32 + FRAME_PX.0;
+    let map_height = (px_per_m * height_m).round() as u32 + FRAME_PX.1;
+    let (width, height) = (map_width, map_height + SPEED_HEIGHT_PX);
+
+    let mut pixels = vec![255_u8; width as usize * height as usize * 3];
+    {
+        let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
+        root.fill(&WHITE)?;
+        let (map_area, speed_area) = root.split_vertically(map_height);
+        draw_map(&map_area, scene, words, without, with)?;
+        draw_speeds(&speed_area, without, with)?;
+        root.present()?;
+    }
+    let image = image::RgbImage::from_raw(width, height, pixels).context("picture of odd size")?;
+    image.save_with_format(file, image::ImageFormat::Png)?;
+    Ok(())
+}
+
+fn draw_map(
+    area: &DrawingArea<BitMapBackend<'_>, plotters::coord::Shift>,
+    scene: &Scene,
+    words: &str,
+    without: &Record,
+    with: &Record,
+) -> anyhow::Result<()> {
+    let (low, high) = outlines::bounds(scene);
+    let (x, y) = (low.x - BORDER_M..high.x + BORDER_M, low.y - BORDER_M..high.y + BORDER_M);
+    let shown: String = words.chars().take(N_WORDS_CHARS).collect();
+    let mut chart = ChartBuilder::on(area)
+        .caption(format!("“{shown}”"), ("sans-serif", 26))
+        .margin(12)
+        .margin_right(18)
+        .x_label_area_size(46)
+        .y_label_area_size(56)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .x_desc("x (m)")
+        .y_desc("y (m)")
+        .label_style(("sans-serif", 16))
+        .axis_desc_style(("sans-serif", 17))
+        .draw()?;
+    draw_base_map(&mut chart, [without, with], (low, high))?;
+    draw_scene(&mut chart, scene)?;
+    draw_regions(&mut chart, with)?;
+    draw_paths(&mut chart, scene, without, with)?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerRight)
+        .background_style(WHITE.mix(0.88))
+        .border_style(BLACK.mix(0.4))
+        .label_font(("sans-serif", 17))
+        .margin(10)
+        .draw()?;
+    Ok(())
+}
+
+/// What the robot knows of the floor: unknown grey, free white, occupied dark; of both runs together.
+fn draw_base_map(chart: &mut Map<'_>, records: [&Record; 2], bounds: (Point2, Point2)) -> anyhow::Result<()> {
+    let (low, high) = bounds;
+    let border = [(low.x - BORDER_M, low.y - BORDER_M), (high.x + BORDER_M, high.y + BORDER_M)];
+    chart.draw_series([Rectangle::new(border, UNKNOWN.filled())])?;
+    let maps: Vec<&BaseMap> = records.iter().filter_map(|record| record.base_map.as_ref()).collect();
+    // What one run found occupied is drawn over what the other one found free.
+    for (state, colour) in [(1_u8, WHITE), (2, OCCUPIED)] {
+        for map in &maps {
+            let cells = map.cells.iter().enumerate().filter(|(_, cell)| **cell == state);
+            chart.draw_series(cells.map(|(idx, _)| Rectangle::new(cell_box(&map.layout, idx), colour.filled())))?;
+        }
+    }
+    Ok(())
+}
+
+fn draw_scene(chart: &mut Map<'_>, scene: &Scene) -> anyhow::Result<()> {
+    chart.draw_series([PathElement::new(outlines::floor(scene), BLACK.stroke_width(2))])?;
+    for object in &scene.objects {
+        let [r, g, b] = object.rgb.unwrap_or([150, 150, 150]);
+        let parts = outlines::object(object);
+        let fill = RGBColor(r, g, b).mix(0.30).filled();
+        chart.draw_series(parts.iter().map(|part| Polygon::new(part.clone(), fill)))?;
+        if outlines::has_edges(object) {
+            let edge = RGBColor(r / 2, g / 2, b / 2).mix(0.8).stroke_width(1);
+            chart.draw_series(parts.into_iter().map(|part| PathElement::new(part, edge)))?;
+        }
+    }
+    Ok(())
+}
+
+/// The regions that the robot found for its rules.
+fn draw_regions(chart: &mut Map<'_>, with: &Record) -> anyhow::Result<()> {
+    let style = REGION.mix(0.45).filled();
+    let found: Vec<&CellSet> = with.regions.values().filter_map(|map| map.region.as_ref()).collect();
+    let boxes = found.iter().flat_map(|region| {
+        let occupied = region.unpack().into_iter().enumerate().filter(|(_, on)| *on);
+        occupied.map(|(idx, _)| Rectangle::new(cell_box(&region.layout, idx), style)).collect::<Vec<_>>()
+    });
+    chart
+        .draw_series(boxes)?
+        .label("the rule's region, as found")
+        .legend(move |(x, y)| Rectangle::new([(x, y - 6), (x + 26, y + 6)], style));
+    Ok(())
+}
+
+fn draw_paths(chart: &mut Map<'_>, scene: &Scene, without: &Record, with: &Record) -> anyhow::Result<()> {
+    let path = |record: &Record| -> Vec<(f64, f64)> {
+        record.moments.iter().map(|m| (m.position_map.x, m.position_map.y)).collect()
+    };
+    let (red, green) = (WITHOUT.stroke_width(4), WITH.stroke_width(4));
+    chart
+        .draw_series(DashedLineSeries::new(spaced(path(without)), 12, 8, red))?
+        .label("without the words")
+        .legend(move |(x, y)| Rectangle::new([(x, y - 2), (x + 10, y + 2)], red.filled()));
+    chart
+        .draw_series(LineSeries::new(path(with), green))?
+        .label("with the words")
+        .legend(move |(x, y)| PathElement::new([(x, y), (x + 26, y)], green));
+    let start = scene.map_from_start.position();
+    let goal = scene.goal_map;
+    for (point, name, colour) in [(start, "start", BLACK), (goal, "goal", RGBColor(200, 120, 0))] {
+        let style = colour.filled();
+        chart.draw_series([EmptyElement::at((point.x, point.y))
+            + Circle::new((0, 0), 7, style)
+            + Text::new(name, (10, 10), ("sans-serif", 19).into_font().color(&colour))])?;
+    }
+    Ok(())
+}
+
+/// Points far enough apart for dashes: those of a robot at rest would all be drawn into one.
+fn spaced(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let mut kept: Vec<(f64, f64)> = Vec::new();
+    for (x, y) in points {
+        if kept.last().is_none_or(|(a, b)| (x - a).hypot(y - b) > 0.02) {
+            kept.push((x, y));
+        }
+    }
+    kept
+}
+
+fn draw_speeds(
+    area: &DrawingArea<BitMapBackend<'_>, plotters::coord::Shift>,
+    without: &Record,
+    with: &Record,
+) -> anyhow::Result<()> {
+    let end_s = without.time_s().max(with.time_s()).max(1.0);
+    let speeds = |record: &Record| -> Vec<(f64, f64)> {
+        record.moments.iter().map(|moment| (moment.time_s, moment.speed_m_s)).collect()
+    };
+    let fastest = speeds(without).into_iter().chain(speeds(with)).map(|(_, speed)| speed).fold(0.1, f64::max);
+    let mut chart = ChartBuilder::on(area)
+        .margin(12)
+        .margin_right(18)
+        .x_label_area_size(46)
+        .y_label_area_size(56)
+        .build_cartesian_2d(0.0..end_s, 0.0..1.1 * fastest)?;
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .x_desc("time since the goal was given (s)")
+        .y_desc("speed (m/s)")
+        .label_style(("sans-serif", 16))
+        .axis_desc_style(("sans-serif", 17))
+        .draw()?;
+    let dashed = DashedLineSeries::new(speeds(without), 12, 8, WITHOUT.stroke_width(3));
+    chart.draw_series(dashed)?;
+    chart.draw_series(LineSeries::new(speeds(with), WITH.stroke_width(3)))?;
+    Ok(())
+}
+
+/// Lower left and upper right corner of a cell, by its place in row-major order.
+fn cell_box(layout: &GridLayout, idx: usize) -> [(f64, f64); 2] {
+    let n_cols = (layout.n_cols as usize).max(1);
+    let (col, row) = ((idx % n_cols) as f64, (idx / n_cols) as f64);
+    let corner = |col: f64, row: f64| {
+        (layout.origin_map.x + col * layout.resolution_m, layout.origin_map.y + row * layout.resolution_m)
+    };
+    [corner(col, row), corner(col + 1.0, row + 1.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::judge::Judge;
+    use super::super::record::Moment;
+    use super::*;
+    use geometry::Pose2;
+    use heedway_simulator::scene::Hull;
+    use proto::{Grounding, Header, ObjectMap};
+
+    fn office() -> Scene {
+        let hull = Hull { radius_m: 0.25, height_m: 0.45 };
+        Scene::parse("office.json", crate::fleet::OFFICE_SCENE, &|_| Err("no mesh".into()), hull).unwrap()
+    }
+
+    /// A drive from the start to the goal, past a point aside by `aside_m`.
+    fn record(name: &'static str, aside_m: f64) -> Record {
+        let mut record = Record::new(name, Judge::default());
+        let scene = office();
+        let (start, goal) = (scene.map_from_start.position(), scene.goal_map);
+        record.moments = (0..=100)
+            .map(|n| {
+                let share = f64::from(n) / 100.0;
+                let straight = start + (goal - start) * share;
+                let bump = (share * std::f64::consts::PI).sin();
+                Moment {
+                    time_s: 10.0 * share,
+                    position_map: Point2::new(straight.x, straight.y + aside_m * bump),
+                    speed_m_s: bump,
+                }
+            })
+            .collect();
+        let layout = GridLayout { origin_map: Point2::new(0.0, 0.0), resolution_m: 0.05, n_cols: 160, n_rows: 120 };
+        let centre = |idx: usize| {
+            let [(x, y), _] = cell_box(&layout, idx);
+            Pose2::new(x + 0.025, y + 0.025, 0.0).position()
+        };
+        let cells = (0..layout.n_cells()).map(|idx| u8::from(scene.floor.contains(centre(idx))));
+        let header = Header::default();
+        record.base_map = Some(BaseMap { header, map_epoch: 1, layout, cells: cells.collect() });
+        let desk: Vec<bool> = (0..layout.n_cells())
+            .map(|idx| (centre(idx).x - 4.0).abs() < 0.4 && (centre(idx).y - 3.4).abs() < 0.8)
+            .collect();
+        let region = ObjectMap {
+            header,
+            map_epoch: 1,
+            rule_id: "s1".into(),
+            grounding: Grounding::Grounded,
+            region: Some(CellSet::pack(layout, &desk)),
+            remark: String::new(),
+        };
+        record.regions.insert("s1".into(), region);
+        record
+    }
+
+    #[test]
+    fn the_picture_shows_both_paths_and_the_region() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("picture.png");
+        let (without, with) = (record("without", 0.0), record("with", -2.0));
+        write(&file, &office(), "Don't go under the standing desk", &without, &with).unwrap();
+        std::fs::copy(&file, "/tmp/hw/picture.png").unwrap();
+        let picture = image::open(&file).unwrap().to_rgb8();
+        let n_of = |wanted: RGBColor| {
+            picture.pixels().filter(|p| p.0 == [wanted.0, wanted.1, wanted.2]).count()
+        };
+        assert!(n_of(WITH) > 1000, "{} green pixels", n_of(WITH));
+        assert!(n_of(WITHOUT) > 1000, "{} red pixels", n_of(WITHOUT));
+        let is_blue = |[r, g, b]: [u8; 3]| b > r.saturating_add(60) && b > g.saturating_add(30);
+        let blueish = picture.pixels().filter(|p| is_blue(p.0)).count();
+        assert!(blueish > 5000, "{blueish} blue pixels");
+    }
+
+    #[test]
+    fn a_run_in_which_nothing_happened_can_be_drawn() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("picture.png");
+        let empty = || Record::new("without", Judge::default());
+        write(&file, &office(), "", &empty(), &empty()).unwrap();
+        assert!(file.exists());
+    }
+}

@@ -1,0 +1,20 @@
+//! The operator's command, `heedway`: talk to a robot, watch it, and run the demonstration.
+//!
+//! It also carries every service (`heedway service filter --config …`), so that one build runs the
+//! whole system, and [`fleet`] starts that system as separate processes. Deliberately not here: anything
+//! that decides how a robot moves or what a rule means; only public topics are used.
+
+pub mod board;
+pub mod carry;
+pub mod command;
+pub mod connection;
+pub mod demo;
+pub mod fleet;
+pub mod hearing;
+pub mod parse;
+pub mod rules_list;
+pub mod say;
+pub mod terminal;
+pub mod watch;
+
+pub use command::run;

@@ -1,0 +1,164 @@
+//! One plan: from maps and regions to a path. Slow work, done beside the loop.
+
+use std::sync::Arc;
+
+use control::{Costmap, NoPath, shortest_path};
+use geometry::{Point2, Profile};
+use mapping::{Cell, DistanceField, Grid, GridError, Layout, Occupancy, Shape, signed_distance};
+use proto::{BaseMap, CellSet, GridLayout};
+
+/// A region that the path keeps out of.
+#[derive(Clone, Debug)]
+pub struct KeepOut {
+    /// As the operator reads it: "the crib".
+    pub label: String,
+    /// The region's cells.
+    pub region: Arc<CellSet>,
+    /// Distance between hull and region, metres.
+    pub buffer_m: f64,
+}
+
+/// One plan to make.
+#[derive(Clone, Debug)]
+pub struct PlanJob {
+    /// Which goal it is for, by count.
+    pub goal_count: u64,
+    /// The base map.
+    pub base: Arc<BaseMap>,
+    /// What the camera saw, if anything.
+    pub depth: Option<Arc<CellSet>>,
+    /// Regions to keep out of.
+    pub keep_out: Vec<KeepOut>,
+    /// Where the robot is, in `map`.
+    pub start_map: Point2,
+    /// Where it wants to be, in `map`.
+    pub goal_map: Point2,
+    /// Distance to keep between hull and obstacle, metres.
+    pub clearance_m: f64,
+}
+
+/// A plan that was made.
+#[derive(Clone, Debug)]
+pub struct PlanReady {
+    /// Which goal it is for.
+    pub goal_count: u64,
+    /// Epoch of the map that it was made on.
+    pub map_epoch: u64,
+    /// The path and the map it lies on, or why there is none, in words.
+    pub path: Result<Path, String>,
+}
+
+/// A path, and the map it was planned on.
+#[derive(Clone, Debug)]
+pub struct Path {
+    /// From the robot to the goal, in `map`.
+    pub points_map: Vec<Point2>,
+    /// Where the robot may be.
+    pub costmap: Arc<Costmap>,
+}
+
+/// Makes a plan. A few tens of milliseconds for a house.
+#[must_use]
+pub fn make(job: &PlanJob, profile: &Profile) -> PlanReady {
+    PlanReady {
+        goal_count: job.goal_count,
+        map_epoch: job.base.map_epoch,
+        path: costmap(job, profile).map_err(|e| e.to_string()).and_then(|costmap| {
+            let found = shortest_path(&costmap, job.start_map, job.goal_map);
+            found
+                .map(|points_map| Path { points_map, costmap: Arc::new(costmap) })
+                .map_err(|no_path| in_words(&no_path, &job.keep_out))
+        }),
+    }
+}
+
+fn in_words(no_path: &NoPath, keep_out: &[KeepOut]) -> String {
+    match no_path {
+        NoPath::GoalInZone { zone_idx } => {
+            let label = keep_out.get(*zone_idx).map_or("a region", |zone| zone.label.as_str());
+            format!("a rule keeps the robot from the goal: {label}")
+        }
+        other => other.to_string(),
+    }
+}
+
+fn costmap(job: &PlanJob, profile: &Profile) -> Result<Costmap, GridError> {
+    let layout = layout_of(&job.base.layout)?;
+    let known = job.base.cells.iter().map(|cell| match cell {
+        1 => Occupancy::Free,
+        2 => Occupancy::Occupied,
+        _ => Occupancy::Unknown,
+    });
+    let mut base = Grid::from_values(layout, known.collect())?;
+    if let Some(depth) = &job.depth {
+        mark(depth, &layout, |cell| base.set(cell, Occupancy::Occupied));
+    }
+    let fields: Vec<DistanceField> = job.keep_out.iter().map(|zone| field_of(zone, layout)).collect();
+    let zones: Vec<(&DistanceField, f64)> =
+        fields.iter().zip(&job.keep_out).map(|(field, zone)| (field, zone.buffer_m)).collect();
+    Ok(Costmap::new(&base, &zones, job.clearance_m, profile))
+}
+
+/// Distance to a region, on the grid that is planned on.
+fn field_of(zone: &KeepOut, layout: Layout) -> DistanceField {
+    let mut cells = Grid::filled(layout, false);
+    mark(&zone.region, &layout, |cell| cells.set(cell, true));
+    signed_distance(&cells)
+}
+
+fn layout_of(wire: &GridLayout) -> Result<Layout, GridError> {
+    let shape = Shape { n_cols: wire.n_cols as usize, n_rows: wire.n_rows as usize };
+    Layout::new(wire.origin_map, wire.resolution_m, shape)
+}
+
+/// Calls `touch` for every cell of `layout` that a cell of the set overlaps.
+fn mark(set: &CellSet, layout: &Layout, mut touch: impl FnMut(Cell)) {
+    let side_m = set.layout.resolution_m;
+    let n_cols = set.layout.n_cols as usize;
+    // Cells that only share a border do not overlap.
+    let range = |low_m: f64, n_max: usize| {
+        let first = (low_m / layout.resolution_m + 1e-6).floor();
+        let last = ((low_m + side_m) / layout.resolution_m - 1e-6).floor();
+        let is_inside = last >= 0.0 && first < n_max as f64;
+        let (first, last) = (first.max(0.0) as usize, last.max(0.0) as usize);
+        if is_inside { first..(last + 1).min(n_max) } else { 0..0 }
+    };
+    for (idx, _) in set.unpack().iter().enumerate().filter(|(_, on)| **on) {
+        let low_map = set.layout.origin_map.coords
+            + Point2::new((idx % n_cols) as f64, (idx / n_cols) as f64).coords * side_m;
+        let low = low_map - layout.origin.coords;
+        for row in range(low.y, layout.shape.n_rows) {
+            for col in range(low.x, layout.shape.n_cols) {
+                touch(Cell { col, row });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(origin_x_m: f64, resolution_m: f64, wanted_cols: &[usize]) {
+        let origin_map = Point2::new(origin_x_m, 0.0);
+        let layout = GridLayout { origin_map, resolution_m, n_cols: 1, n_rows: 1 };
+        let set = CellSet::pack(layout, &[true]);
+        let shape = Shape { n_cols: 10, n_rows: 1 };
+        let mut cols = Vec::new();
+        mark(&set, &Layout::new(Point2::origin(), 0.1, shape).unwrap(), |cell| cols.push(cell.col));
+        assert_eq!(cols, wanted_cols);
+    }
+
+    #[test]
+    fn every_cell_that_is_overlapped_is_marked_and_no_neighbour() {
+        check(0.2, 0.1, &[2]);
+        check(0.25, 0.1, &[2, 3]);
+        check(0.25, 0.02, &[2]);
+        check(0.2, 0.3, &[2, 3, 4]);
+        check(-0.05, 0.1, &[0]);
+        check(-0.2, 0.1, &[]);
+        check(1.0, 0.1, &[]);
+        check(0.95, 0.3, &[9]);
+    }
+}
