@@ -126,19 +126,24 @@ impl Costmap {
     /// Cells alone would not do: a place in a free cell can be nearer to the wall than its centre is.
     #[must_use]
     pub fn is_free(&self, place: Point2) -> bool {
-        let margin_m = self.margin.as_ref().map(|margin| margin.sample(place));
-        self.layout.cell_at(place).is_some() && margin_m.is_some_and(|m| m >= self.least_m)
+        self.layout.cell_at(place).is_some() && self.room_m(place) >= 0.0
     }
 
-    /// Whether the straight line keeps to free cells. A blocked beginning is forgiven until the first free
-    /// cell, so that who stands too near something still sees.
+    /// Room beyond the least clearance at a place, metres; below 0 where the centre may not be.
     #[must_use]
-    pub fn sees(&self, from: Point2, to: Point2) -> bool {
+    pub fn room_m(&self, place: Point2) -> f64 {
+        self.margin.as_ref().map_or(f64::NEG_INFINITY, |margin| margin.sample(place) - self.least_m)
+    }
+
+    /// Whether the straight line keeps `room_m` beyond the least clearance. A blocked beginning is forgiven
+    /// until the first free cell, so that who stands too near something still sees.
+    #[must_use]
+    pub fn sees(&self, from: Point2, to: Point2, room_m: f64) -> bool {
         let n = ((to - from).norm() / (0.4 * self.layout.resolution_m)).ceil().max(1.0) as usize;
         let mut leaving = !self.is_free(from);
         for k in 0..=n {
             let place = from + (to - from) * (k as f64 / n as f64);
-            if self.is_free(place) {
+            if self.is_free(place) && (leaving || self.room_m(place) >= room_m) {
                 leaving = false;
             } else if !leaving || self.layout.cell_at(place).is_none_or(|c| self.is_solid_cell(c)) {
                 return false;

@@ -1,6 +1,5 @@
 //! The prompt's schema is that of the types, and its examples are valid under both.
 #![cfg(feature = "schema")]
-
 // A missing file or key fails the test by itself.
 #![allow(clippy::unwrap_used)]
 

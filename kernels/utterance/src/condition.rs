@@ -22,37 +22,7 @@ pub fn apply(clause: &mut Clause, condition: &Draft) {
         order.leftover.extend(condition.leftover.iter().cloned());
         order.leftover.extend(condition.ttl_s.map(|s| format!("{s} seconds")));
     }
-    // "when it is dark", "when the alarm rings": nothing that can be found.
-    let sees = ["there", "see", "spot", "notice", "detect", "meet", "encounter", "find"]
-        .iter()
-        .any(|word| condition.lead.contains(word));
-    let comes = condition.has_any(&[
-        Sense::Motion,
-        Sense::VerbOn,
-        Sense::VerbPast,
-        Sense::VerbNear,
-        Sense::VerbBlock,
-        Sense::Copula,
-        Sense::PrepNear,
-        Sense::Turn,
-        Sense::Statement,
-    ]) || !condition.quantities.is_empty();
-    let findable = |name: &&Name| !is_self(name) && (sees || comes) && !(name.is_pronoun && unknown_state);
-    let names: Vec<Name> = condition.names.iter().filter(findable).cloned().collect();
-    let mut regions: Vec<Region> = condition
-        .regions
-        .iter()
-        .filter(|region| region.names.iter().any(|name| !is_self(name)))
-        .cloned()
-        .collect();
-    if condition.has(Sense::Copula) && !names.is_empty() && !regions.is_empty() {
-        // "if someone is on crutches": about the someone.
-        regions.clear();
-    }
-    if regions.is_empty() && !names.is_empty() {
-        let place = if condition.has(Sense::VerbOn) { Place::On } else { Place::Near };
-        regions = vec![Region { place, names }];
-    }
+    let regions = findable_regions(condition, unknown_state);
     let distance = condition.quantities.iter().filter(|q| q.kind == Kind::Distance).cloned();
     let others = condition.quantities.iter().any(|q| q.kind != Kind::Distance);
     if others {
@@ -84,6 +54,42 @@ pub fn apply(clause: &mut Clause, condition: &Draft) {
         }
         clause.notes.push(format!("when {}", condition.words));
     }
+}
+
+/// Where a condition says something is; nothing when it names nothing that can be found.
+fn findable_regions(condition: &Draft, unknown_state: bool) -> Vec<Region> {
+    // "when it is dark", "when the alarm rings": nothing that can be found.
+    let sees = ["there", "see", "spot", "notice", "detect", "meet", "encounter", "find"]
+        .iter()
+        .any(|word| condition.lead.contains(word));
+    let comes = condition.has_any(&[
+        Sense::Motion,
+        Sense::VerbOn,
+        Sense::VerbPast,
+        Sense::VerbNear,
+        Sense::VerbBlock,
+        Sense::Copula,
+        Sense::PrepNear,
+        Sense::Turn,
+        Sense::Statement,
+    ]) || !condition.quantities.is_empty();
+    let findable = |name: &&Name| !is_self(name) && (sees || comes) && !(name.is_pronoun && unknown_state);
+    let names: Vec<Name> = condition.names.iter().filter(findable).cloned().collect();
+    let mut regions: Vec<Region> = condition
+        .regions
+        .iter()
+        .filter(|region| region.names.iter().any(|name| !is_self(name)))
+        .cloned()
+        .collect();
+    if condition.has(Sense::Copula) && !names.is_empty() && !regions.is_empty() {
+        // "if someone is on crutches": about the someone.
+        regions.clear();
+    }
+    if regions.is_empty() && !names.is_empty() {
+        let place = if condition.has(Sense::VerbOn) { Place::On } else { Place::Near };
+        regions = vec![Region { place, names }];
+    }
+    regions
 }
 
 fn is_self(name: &Name) -> bool {

@@ -38,6 +38,7 @@ struct Lists {
     boundaries: HashSet<String>,
     drops: HashSet<String>,
     empty: HashSet<String>,
+    measures: HashSet<String>,
     common: Vec<String>,
 }
 
@@ -185,11 +186,12 @@ impl Nouns {
     /// Whether the name consists of words that name nothing.
     #[must_use]
     pub fn is_empty_name(&self, reference: &str) -> bool {
-        reference.split_whitespace().all(|word| {
-            self.lists.empty.contains(word)
-                || word.chars().all(|c| c.is_ascii_digit() || c == '.')
-                || self.lists.adjectives.contains(word)
-        })
+        reference.split_whitespace().any(|word| self.lists.measures.contains(word))
+            || reference.split_whitespace().all(|word| {
+                self.lists.empty.contains(word)
+                    || word.chars().all(|c| c.is_ascii_digit() || c == '.')
+                    || self.lists.adjectives.contains(word)
+            })
     }
 
     /// Whether the word stands in one of the tables.

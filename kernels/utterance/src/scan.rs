@@ -358,7 +358,6 @@ fn attaches(item: &Item, draft: &Draft) -> bool {
 fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<&Item>) -> Option<Sense> {
     let held = draft.has(Sense::Hold);
     let text = item.text.as_str();
-    let first_of = |wanted: &[Sense]| wanted.iter().copied().find(|sense| senses.contains(sense));
     match text {
         "clear" | "back" if held => return Some(Sense::Away),
         "off" | "off of" if !draft.quantities.is_empty() && draft.quantity(Kind::Distance).is_some() => {
@@ -395,6 +394,12 @@ fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<&Item>) -> 
         "too" if next.is_some() => return None,
         _ => {}
     }
+    by_rank(senses, draft)
+}
+
+/// The sense that outranks the others; fillers last, but before those that only look like orders.
+fn by_rank(senses: &[Sense], draft: &Draft) -> Option<Sense> {
+    let first_of = |wanted: &[Sense]| wanted.iter().copied().find(|sense| senses.contains(sense));
     first_of(&[Sense::Neg, Sense::Lift, Sense::NormalSpeed, Sense::AsNormal, Sense::History, Sense::MinSpeed])
         .or_else(|| {
             if draft.has(Sense::Copula) {

@@ -168,7 +168,10 @@ impl Board {
         }];
         if let Some(twist) = self.twist {
             // A robot at rest has no sign.
-            parts.push(format!("{:4.2} m/s", if twist.speed_m_s.abs() < 0.005 { 0.0 } else { twist.speed_m_s }));
+            parts.push(format!(
+                "{:4.2} m/s",
+                if twist.speed_m_s.abs() < 0.005 { 0.0 } else { twist.speed_m_s }
+            ));
         }
         match &self.rules {
             Some(set) => parts.extend(set.specs.iter().map(|rule| {
@@ -181,7 +184,8 @@ impl Board {
             Some(status) => filter_words(status),
             None => "filter silent".to_owned(),
         });
-        let gone: Vec<&str> = self.alive.iter().filter(|(_, alive)| !**alive).map(|(n, _)| n.as_str()).collect();
+        let gone: Vec<&str> =
+            self.alive.iter().filter(|(_, alive)| !**alive).map(|(n, _)| n.as_str()).collect();
         if !gone.is_empty() {
             parts.push(format!("gone: {}", gone.join(", ")));
         }

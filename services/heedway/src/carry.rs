@@ -78,9 +78,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         words.push("--check".to_owned());
     }
     match arguments.name {
-        ServiceName::Simulator => {
-            service::run_with("heedway-simulator", &words, heedway_simulator::serve)
-        }
+        ServiceName::Simulator => service::run_with("heedway-simulator", &words, heedway_simulator::serve),
         ServiceName::Localisation => {
             service::run_with("heedway-localisation", &words, heedway_perception::localisation::serve)
         }
@@ -89,8 +87,6 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         }
         ServiceName::Language => service::run_with("heedway-language", &words, heedway_language::serve),
         ServiceName::Filter => service::run_with("heedway-filter", &words, heedway_filter::serve),
-        ServiceName::Navigator => {
-            service::run_with("heedway-navigator", &words, heedway_navigator::serve)
-        }
+        ServiceName::Navigator => service::run_with("heedway-navigator", &words, heedway_navigator::serve),
     }
 }

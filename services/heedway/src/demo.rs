@@ -108,7 +108,11 @@ async fn demonstrate(arguments: &Arguments, terminal: &mut Terminal) -> anyhow::
         };
         match stage::play(run, terminal).await {
             Ok(record) => records.push(record),
-            Err(e) => return Err(e.context(format!("logs are kept in {}", folder.keep().display()))),
+            Err(e) => {
+                terminal.clear_status();
+                eprintln!("heedway: {e:#}\nlogs are kept in {}", folder.keep().display());
+                return Ok(ExitCode::FAILURE);
+            }
         }
     }
     let [without, with] = records.as_slice() else { bail!("{} runs, must be 2", records.len()) };
@@ -162,10 +166,7 @@ fn read_play(arguments: &Arguments) -> anyhow::Result<Play> {
     };
     // Of scenes from elsewhere it is not known whether the short way breaks the rule.
     let breaks_without = arguments.scene.is_none() && case.is_some() && case == first;
-    let expected = Expected {
-        breaks_without,
-        reaches_with: arguments.planner == Planner::Rules,
-    };
+    let expected = Expected { breaks_without, reaches_with: arguments.planner == Planner::Rules };
     Ok(Play { words, case: case.cloned(), expected, scene })
 }
 

@@ -131,7 +131,8 @@ impl Fleet {
         let (folder, temporary) = match &options.folder {
             Some(folder) => (folder.clone(), None),
             None => {
-                let folder = tempfile::Builder::new().prefix("heedway-").tempdir().context("temporary folder")?;
+                let folder =
+                    tempfile::Builder::new().prefix("heedway-").tempdir().context("temporary folder")?;
                 (folder.path().to_owned(), Some(folder))
             }
         };
@@ -140,7 +141,8 @@ impl Fleet {
         let peers = Inbox::new();
         bus.watch_peers(&peers, |peer| peer).await?;
 
-        let facts = configs::Facts { folder: &folder, robot: robot.as_str(), endpoint: &endpoint, options: &options };
+        let facts =
+            configs::Facts { folder: &folder, robot: robot.as_str(), endpoint: &endpoint, options: &options };
         configs::write_shared(&facts)?;
         let mut members = BTreeMap::new();
         for name in &options.services {

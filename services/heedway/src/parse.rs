@@ -65,7 +65,9 @@ struct Parsed {
 /// When a line cannot be read; lines before it are answered.
 pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     if arguments.parser == ParserName::Llm {
-        bail!("--parser llm needs the configuration of a language model, which this command does not take yet");
+        bail!(
+            "--parser llm needs the configuration of a language model, which this command does not take yet"
+        );
     }
     let profile = match arguments.profile {
         ProfileName::Sim => Profile::sim(),
@@ -127,7 +129,8 @@ mod tests {
 
     #[test]
     fn each_line_is_answered_with_its_id() {
-        let (end, out) = answer("{\"id\":\"a\",\"context\":[],\"text\":\"one\"}\n\n{\"id\":7,\"text\":\"two\"}");
+        let (end, out) =
+            answer("{\"id\":\"a\",\"context\":[],\"text\":\"one\"}\n\n{\"id\":7,\"text\":\"two\"}");
         end.unwrap();
         let lines: Vec<serde_json::Value> =
             out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();

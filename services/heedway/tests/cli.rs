@@ -101,7 +101,9 @@ fn every_line_of_a_shipped_configuration_is_commented() {
             let file = entry.unwrap().path();
             let text = std::fs::read_to_string(&file).unwrap();
             let lines: Vec<&str> = text.lines().collect();
-            for (idx, line) in lines.iter().enumerate().filter(|(_, line)| line.contains(" = ") && !line.starts_with('#')) {
+            for (idx, line) in
+                lines.iter().enumerate().filter(|(_, line)| line.contains(" = ") && !line.starts_with('#'))
+            {
                 // A pair of keys may share a comment: min and max, x and y.
                 let above = &lines[idx.saturating_sub(2)..idx];
                 assert!(above.iter().any(|l| l.starts_with("# ")), "{}: {line}", file.display());

@@ -4,11 +4,14 @@
 //! to instance; the floor is the plane z = 0, on which floor areas are drawn. Rays are exact on these
 //! surfaces, in `f32`. Noise is not made here (`sensor_noise`).
 
+mod tile;
+
 use geometry::{CameraIntrinsics, Point2, Point3, Pose2, Pose3};
 use parry3d::math::Vector;
 use parry3d::query::{Ray, RayCast};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
+use tile::Tile;
 
 use crate::footprint::Footprint;
 use crate::scene::{Kind, OUTSIDE_HEIGHT_M, Object, Scene};
@@ -25,6 +28,10 @@ pub const INSTANCE_OBJECTS: u16 = 3;
 
 /// Colours are seen this far, metres; depth has a reach of its own.
 const SIGHT_M: f64 = 100.0;
+/// Side of a tile. Measured on the office, 16 is at the flat bottom between asking the hierarchy too
+/// often and casting at too many triangles.
+const TILE_PIXELS: u32 = 16;
+const SKY_RGB: [u8; 3] = [120, 140, 165];
 const FLOOR_RGB: [u8; 3] = [176, 160, 136];
 const WALL_RGB: [u8; 3] = [214, 210, 200];
 
@@ -72,10 +79,29 @@ pub struct InstanceImage {
 #[error("the scene's surfaces make no mesh: {0}")]
 pub struct SurfaceError(String);
 
+#[derive(Clone, Copy, Default)]
 struct Pixel {
     rgb: [u8; 3],
     depth_mm: u16,
     instance: u16,
+}
+
+/// Where an image is taken from, and how.
+struct View {
+    map_from_camera: Pose3,
+    camera: CameraIntrinsics,
+    depth_m_max: f64,
+}
+
+impl View {
+    fn eye_map(&self) -> Point3 {
+        self.map_from_camera.translation.vector.into()
+    }
+
+    /// Direction of the ray through an image point, of length 1 m along the optical axis.
+    fn direction_map(&self, u: f64, v: f64) -> nalgebra::Vector3<f64> {
+        self.map_from_camera.rotation * self.camera.unproject(u, v, 1.0).coords
+    }
 }
 
 impl RayCaster {
@@ -115,28 +141,18 @@ impl RayCaster {
         self.instance_of_triangle.len()
     }
 
-    /// What a camera sees, one ray through the centre of each pixel, rows shared out over all cores.
+    /// What a camera sees, one ray through the centre of each pixel, tiles shared out over all threads.
     ///
     /// `depth_m_max` is the reach of its depth, at most 65 m; beyond it colour and instance are still
     /// seen.
     #[must_use]
     pub fn image(&self, map_from_camera: &Pose3, camera: &CameraIntrinsics, depth_m_max: f64) -> Image {
-        let n_columns = camera.width as usize;
-        let rows: Vec<Vec<Pixel>> = (0..camera.height)
+        let view = View { map_from_camera: *map_from_camera, camera: *camera, depth_m_max };
+        let bands: Vec<Vec<Pixel>> = (0..camera.height.div_ceil(TILE_PIXELS))
             .into_par_iter()
-            .map(|v| {
-                (0..n_columns)
-                    .map(|u| {
-                        self.pixel(
-                            map_from_camera,
-                            camera.unproject(u as f64, f64::from(v), 1.0),
-                            depth_m_max,
-                        )
-                    })
-                    .collect()
-            })
+            .map(|band| self.band(&view, band * TILE_PIXELS))
             .collect();
-        let pixels = || rows.iter().flatten();
+        let pixels = || bands.iter().flatten();
         let instances = pixels().map(|p| p.instance).collect();
         Image {
             rgb: pixels().flat_map(|p| p.rgb).collect(),
@@ -145,38 +161,62 @@ impl RayCaster {
         }
     }
 
-    /// The pixel in the direction of `through_camera`, a point at depth 1 m.
-    fn pixel(&self, map_from_camera: &Pose3, through_camera: Point3, depth_m_max: f64) -> Pixel {
-        // Not normalised: times of impact are then depths along the optical axis.
-        let direction_map = map_from_camera.rotation * through_camera.coords;
-        let eye_map = Point3::from(map_from_camera.translation.vector);
-        let on_floor = floor_hit(eye_map, direction_map);
-        let reach = (SIGHT_M as f32).min(on_floor.map_or(f32::INFINITY, |depth_m| depth_m as f32));
-        let ray = Ray::new(vector(eye_map - self.origin_map), vector(direction_map));
-        let (depth_m, instance, shade) = match self.surface.cast_local_ray_and_get_normal(&ray, reach, false)
-        {
-            Some(hit) => {
-                let triangle = hit.subshape as usize;
-                let instance = self.instance_of_triangle.get(triangle).copied().unwrap_or(INSTANCE_NONE);
-                let normal = nalgebra::Vector3::new(hit.normal.x, hit.normal.y, hit.normal.z).cast::<f64>();
-                (f64::from(hit.time_of_impact), instance, shade(normal, direction_map))
-            }
-            None => match on_floor {
-                Some(depth_m) if depth_m <= SIGHT_M => {
-                    let at = eye_map + direction_map * depth_m;
-                    (
-                        depth_m,
-                        self.floor_instance(at.xy()),
-                        shade(nalgebra::Vector3::z(), direction_map) * planks(at),
-                    )
+    /// The rows of one row of tiles, the first of them `top`.
+    fn band(&self, view: &View, top: u32) -> Vec<Pixel> {
+        let (width, bottom) = (view.camera.width, (top + TILE_PIXELS).min(view.camera.height));
+        let mut pixels = vec![Pixel::default(); (width * (bottom - top)) as usize];
+        for left in (0..width).step_by(TILE_PIXELS as usize) {
+            let right = (left + TILE_PIXELS).min(width);
+            // Pixel centres are at whole numbers; the tile reaches half a pixel beyond them.
+            let edge = |u: u32, v: u32| vector(view.direction_map(f64::from(u) - 0.5, f64::from(v) - 0.5));
+            let corners = [edge(left, top), edge(right, top), edge(right, bottom), edge(left, bottom)];
+            let tile = Tile::new(&self.surface, vector(view.eye_map() - self.origin_map), corners);
+            for v in top..bottom {
+                for u in left..right {
+                    let direction_map = view.direction_map(f64::from(u), f64::from(v));
+                    pixels[((v - top) * width + u) as usize] = self.pixel(view, &tile, direction_map);
                 }
-                _ => return Pixel { rgb: [120, 140, 165], depth_mm: 0, instance: INSTANCE_NONE },
-            },
+            }
+        }
+        pixels
+    }
+
+    /// The pixel in a direction of length 1 m along the optical axis, so that hits are told as depths.
+    fn pixel(&self, view: &View, tile: &Tile, direction_map: nalgebra::Vector3<f64>) -> Pixel {
+        let eye_map = view.eye_map();
+        let on_floor = floor_hit(eye_map, direction_map).filter(|depth_m| *depth_m <= SIGHT_M);
+        let reach = on_floor.unwrap_or(SIGHT_M) as f32;
+        let (depth_m, instance, brightness) = match (tile.nearest(vector(direction_map), reach), on_floor) {
+            (Some(hit), _) => {
+                let instance = self.instance_of_triangle.get(hit.triangle as usize);
+                let normal = nalgebra::Vector3::new(hit.normal.x, hit.normal.y, hit.normal.z).cast::<f64>();
+                let shade = shade(normal.normalize(), direction_map);
+                (f64::from(hit.depth), instance.copied().unwrap_or(INSTANCE_NONE), shade)
+            }
+            (None, Some(depth_m)) => {
+                let at = eye_map + direction_map * depth_m;
+                let shade = shade(nalgebra::Vector3::z(), direction_map) * planks(at);
+                (depth_m, self.floor_instance(at.xy()), shade)
+            }
+            (None, None) => return Pixel { rgb: SKY_RGB, depth_mm: 0, instance: INSTANCE_NONE },
         };
-        let rgb = self.rgb_of_instance.get(usize::from(instance)).copied().unwrap_or([255, 0, 255]);
-        let depth_mm =
-            if depth_m <= depth_m_max { (depth_m * 1000.0).round().min(65535.0) as u16 } else { 0 };
-        Pixel { rgb: rgb.map(|part| (f64::from(part) * shade).min(255.0) as u8), depth_mm, instance }
+        let rgb = self.rgb_of_instance.get(usize::from(instance)).copied().unwrap_or(SKY_RGB);
+        let within_reach = depth_m <= view.depth_m_max;
+        let depth_mm = if within_reach { (depth_m * 1000.0).round().min(65535.0) as u16 } else { 0 };
+        Pixel { rgb: rgb.map(|part| (f64::from(part) * brightness).min(255.0) as u8), depth_mm, instance }
+    }
+
+    /// What a single ray meets: the instance, and how often `direction_map` fits in between. Floor areas
+    /// are not told from the floor.
+    #[must_use]
+    pub fn first_hit(&self, from_map: Point3, direction_map: nalgebra::Vector3<f64>) -> Option<(u16, f64)> {
+        let ray = Ray::new(vector(from_map - self.origin_map), vector(direction_map));
+        let hit = self.surface.cast_local_ray_and_get_normal(&ray, SIGHT_M as f32, false).and_then(|hit| {
+            let instance = self.instance_of_triangle.get(hit.subshape as usize)?;
+            Some((*instance, f64::from(hit.time_of_impact)))
+        });
+        let floor = floor_hit(from_map, direction_map).map(|depth| (INSTANCE_FLOOR, depth));
+        [hit, floor].into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     /// The floor area at a point of the floor, or the floor; the last of the file lies on top.

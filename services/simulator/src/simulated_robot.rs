@@ -62,6 +62,7 @@ struct Snapshot {
 struct Beat {
     period: Duration,
     next: Time,
+    /// How often it has happened.
     n: u64,
 }
 
@@ -70,15 +71,15 @@ impl Beat {
         Beat { period: Duration::from_secs_f64(1.0 / rate_hz.max(0.01)), next: now, n: 0 }
     }
 
-    /// Whether it is due; what was missed is not made up for.
-    fn is_due(&mut self, now: Time) -> bool {
-        if now < self.next {
-            return false;
-        }
-        self.next =
-            if now.since(self.next) >= self.period { now + self.period } else { self.next + self.period };
+    fn is_due(&self, now: Time) -> bool {
+        now >= self.next
+    }
+
+    /// It has happened; what was missed is not made up for.
+    fn done(&mut self, now: Time) {
+        let late = now.since(self.next) >= self.period;
+        self.next = if late { now + self.period } else { self.next + self.period };
         self.n += 1;
-        true
     }
 }
 
@@ -195,16 +196,20 @@ impl Robot for SimulatedRobot {
         self.advance(now);
         let stamp_ns = self.clock.stamp_ns();
         let map_from_base = self.plant.map_from_base();
-        if self.scans.is_due(now) {
-            self.lidar.offer(Snapshot { map_from_base, stamp_ns, seq: self.scans.n });
+        // A sensor that is still busy is asked again at the next turn.
+        let seen = |beat: &Beat| Snapshot { map_from_base, stamp_ns, seq: beat.n + 1 };
+        if self.scans.is_due(now) && self.lidar.offer(seen(&self.scans)) {
+            self.scans.done(now);
         }
-        if self.frames.is_due(now)
-            && !self.camera.offer(Snapshot { map_from_base, stamp_ns, seq: self.frames.n })
-        {
-            tracing::debug!(n_skipped = self.camera.n_skipped(), "camera is still at the last frame");
+        if self.frames.is_due(now) && self.camera.offer(seen(&self.frames)) {
+            self.frames.done(now);
+        }
+        let odometry_due = self.odometry.is_due(now);
+        if odometry_due {
+            self.odometry.done(now);
         }
         Ok(Senses {
-            base: self.odometry.is_due(now).then(|| self.base_state(stamp_ns)),
+            base: odometry_due.then(|| self.base_state(stamp_ns)),
             scans: self.lidar.fetch().into_iter().collect(),
             frames: self.camera.fetch().into_iter().collect(),
         })

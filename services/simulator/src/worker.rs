@@ -1,7 +1,7 @@
 //! A thread that makes one sensor's pictures, so that the loop which drives the base never waits for one.
 //!
 //! Jobs are taken only when the thread is idle, and the newest result replaces one that nobody has
-//! fetched: both ends are bounded, and what is dropped is counted.
+//! fetched: both ends are bounded.
 
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,7 +12,6 @@ use anyhow::Context;
 pub struct Worker<J, R> {
     jobs: SyncSender<J>,
     result: Arc<Mutex<Option<R>>>,
-    n_skipped: u64,
 }
 
 impl<J: Send + 'static, R: Send + 'static> Worker<J, R> {
@@ -34,25 +33,18 @@ impl<J: Send + 'static, R: Send + 'static> Worker<J, R> {
                 }
             })
             .with_context(|| format!("start thread {name}"))?;
-        Ok(Worker { jobs, result, n_skipped: 0 })
+        Ok(Worker { jobs, result })
     }
 
     /// Gives the thread a job; `false` when it is still busy, and the job is gone.
-    pub fn offer(&mut self, job: J) -> bool {
-        let taken = self.jobs.try_send(job).is_ok();
-        self.n_skipped += u64::from(!taken);
-        taken
+    #[must_use]
+    pub fn offer(&self, job: J) -> bool {
+        self.jobs.try_send(job).is_ok()
     }
 
     /// The newest result, once.
     #[must_use]
     pub fn fetch(&self) -> Option<R> {
         self.result.lock().unwrap_or_else(PoisonError::into_inner).take()
-    }
-
-    /// Jobs that came while the thread was busy.
-    #[must_use]
-    pub fn n_skipped(&self) -> u64 {
-        self.n_skipped
     }
 }

@@ -8,6 +8,7 @@ use geometry::{Point2, Time};
 use proto::Truth;
 use rules::{Outcome, Reply};
 
+use crate::carry::ServiceName;
 use crate::hearing::Heard;
 
 /// Longest time until the robot could move, from when all services are alive.
@@ -42,8 +43,13 @@ pub enum End {
     Reached,
     /// The goal was not reached in time.
     TimeOver,
-    /// It could not go on, and why.
-    Failed(String),
+    /// It could not go on.
+    Failed {
+        /// Why.
+        why: String,
+        /// Whose log may tell more.
+        look_at: Option<ServiceName>,
+    },
 }
 
 /// What the director hears.
@@ -127,7 +133,8 @@ impl Director {
             }
         }
         if now.since(since) > READY_MAX {
-            return failed(format!("not ready within {} s: {}", READY_MAX.as_secs(), self.waits_for));
+            let why = format!("not ready within {} s: {}", READY_MAX.as_secs(), self.waits_for);
+            return failed(why, Some(ServiceName::Filter));
         }
         Vec::new()
     }
@@ -138,12 +145,13 @@ impl Director {
         {
             let Reply { outcome, say, .. } = &reply.message.reply;
             if *outcome != Outcome::Accept {
-                return failed(format!("the robot did not take the words as a rule: {say}"));
+                return failed(format!("the robot did not take the words as a rule: {say}"), None);
             }
             return self.go(now);
         }
         if now.since(since) > REPLY_MAX {
-            return failed(format!("no reply to the words within {} s", REPLY_MAX.as_secs()));
+            let why = format!("no reply to the words within {} s", REPLY_MAX.as_secs());
+            return failed(why, Some(ServiceName::Language));
         }
         Vec::new()
     }
@@ -166,7 +174,8 @@ impl Director {
             }
         }
         if now.since(self.truth_at) > TRUTH_SILENCE_MAX {
-            return failed(format!("the simulator has been silent for {} s", TRUTH_SILENCE_MAX.as_secs()));
+            let why = format!("the simulator has been silent for {} s", TRUTH_SILENCE_MAX.as_secs());
+            return failed(why, Some(ServiceName::Simulator));
         }
         Vec::new()
     }
@@ -178,8 +187,8 @@ impl Director {
     }
 }
 
-fn failed(why: String) -> Vec<Deed> {
-    vec![Deed::End(End::Failed(why))]
+fn failed(why: String, look_at: Option<ServiceName>) -> Vec<Deed> {
+    vec![Deed::End(End::Failed { why, look_at })]
 }
 
 #[cfg(test)]
@@ -265,7 +274,7 @@ mod tests {
         check(Some(WORDS), &[asked(), (2.0, reply("other words", Outcome::Accept))], &[]);
         check(Some(WORDS), &[asked(), (2.0, reply(WORDS, Outcome::Accept))], &[Deed::Go]);
         let why = "the robot did not take the words as a rule: Which rug?";
-        let end = Deed::End(End::Failed(why.into()));
+        let end = Deed::End(End::Failed { why: why.into(), look_at: None });
         check(Some(WORDS), &[asked(), (2.0, reply(WORDS, Outcome::Clarify))], &[end]);
     }
 
@@ -292,7 +301,7 @@ mod tests {
                 director.step(at(*seconds), &Input::Heard(heard));
             }
             match director.step(at(tick_s), &Input::Tick).as_slice() {
-                [Deed::End(End::Failed(why))] => why.clone(),
+                [Deed::End(End::Failed { why, .. })] => why.clone(),
                 other => format!("{other:?}"),
             }
         };

@@ -87,8 +87,12 @@ fn violation(rule: &CaseRule, truth: &Truth) -> Option<String> {
         return None;
     }
     if rule.rule_type == RuleType::Exclusion {
-        let place = if rule.relation == Relation::Beneath { "from under" } else { "from" };
-        return Some(format!("{:.2} m {place} {object}", distance_m.max(0.0)));
+        return Some(match rule.relation {
+            _ if distance_m > 0.0 => format!("{distance_m:.2} m from {object}"),
+            Relation::Beneath => format!("under {object}"),
+            Relation::On => format!("on {object}"),
+            _ => format!("touching {object}"),
+        });
     }
     let place = if rule.relation == Relation::Global { String::new() } else { format!(" near {object}") };
     let speed_m_s = truth.twist.speed_m_s.abs();
@@ -111,11 +115,12 @@ fn nearest(rule: &CaseRule, truth: &Truth) -> Option<(String, f64)> {
     if rule.relation == Relation::Global {
         return Some((String::new(), 0.0_f64.min(rule.buffer_m)));
     }
-    let distances = truth.objects.iter().filter(|object| rule.objects.contains(&object.id)).filter_map(|object| {
-        let distance_m =
-            if rule.relation == Relation::Beneath { object.overhead_m? } else { object.any_height_m };
-        Some((object.id.clone(), distance_m))
-    });
+    let distances =
+        truth.objects.iter().filter(|object| rule.objects.contains(&object.id)).filter_map(|object| {
+            let distance_m =
+                if rule.relation == Relation::Beneath { object.overhead_m? } else { object.any_height_m };
+            Some((object.id.clone(), distance_m))
+        });
     distances.min_by(|(_, a), (_, b)| a.total_cmp(b))
 }
 
@@ -145,7 +150,8 @@ mod tests {
     }
 
     fn truth(any_height_m: f64, overhead_m: Option<f64>, speed_m_s: f64) -> Truth {
-        let object = |id: &str, any_height_m, overhead_m| ObjectDistance { id: id.into(), any_height_m, overhead_m };
+        let object =
+            |id: &str, any_height_m, overhead_m| ObjectDistance { id: id.into(), any_height_m, overhead_m };
         Truth {
             time_s: 0.0,
             map_from_base: Pose2::IDENTITY,

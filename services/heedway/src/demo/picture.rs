@@ -21,6 +21,8 @@ const WIDTH_PX: u32 = 1200;
 const MAP_HEIGHT_PX_MAX: f64 = 1400.0;
 /// Height of the speed panel, pixels.
 const SPEED_HEIGHT_PX: u32 = 300;
+/// Height of the legend between map and speed panel, pixels.
+const LEGEND_HEIGHT_PX: u32 = 44;
 /// Room for caption and axes around the map, pixels: along x, along y.
 const FRAME_PX: (u32, u32) = (86, 108);
 /// How much is shown around the floor, metres.
@@ -40,13 +42,7 @@ type Map<'a> = ChartContext<'a, BitMapBackend<'a>, Cartesian2d<RangedCoordf64, R
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write(
-    file: &Path,
-    scene: &Scene,
-    words: &str,
-    without: &Record,
-    with: &Record,
-) -> anyhow::Result<()> {
+pub fn write(file: &Path, scene: &Scene, words: &str, without: &Record, with: &Record) -> anyhow::Result<()> {
     plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
         .map_err(|_| anyhow!("the built-in font cannot be read"))?;
     let (low, high) = outlines::bounds(scene);
@@ -55,14 +51,16 @@ pub fn write(
     let px_per_m = (f64::from(WIDTH_PX - FRAME_PX.0) / width_m).min(MAP_HEIGHT_PX_MAX / height_m);
     let map_width = (px_per_m * width_m).round() as u32 + FRAME_PX.0;
     let map_height = (px_per_m * height_m).round() as u32 + FRAME_PX.1;
-    let (width, height) = (map_width, map_height + SPEED_HEIGHT_PX);
+    let (width, height) = (map_width, map_height + LEGEND_HEIGHT_PX + SPEED_HEIGHT_PX);
 
     let mut pixels = vec![255_u8; width as usize * height as usize * 3];
     {
         let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
         root.fill(&WHITE)?;
-        let (map_area, speed_area) = root.split_vertically(map_height);
+        let (map_area, rest) = root.split_vertically(map_height);
+        let (legend_area, speed_area) = rest.split_vertically(LEGEND_HEIGHT_PX);
         draw_map(&map_area, scene, words, without, with)?;
+        draw_legend(&legend_area)?;
         draw_speeds(&speed_area, without, with)?;
         root.present()?;
     }
@@ -100,14 +98,6 @@ fn draw_map(
     draw_scene(&mut chart, scene)?;
     draw_regions(&mut chart, with)?;
     draw_paths(&mut chart, scene, without, with)?;
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::LowerRight)
-        .background_style(WHITE.mix(0.88))
-        .border_style(BLACK.mix(0.4))
-        .label_font(("sans-serif", 17))
-        .margin(10)
-        .draw()?;
     Ok(())
 }
 
@@ -121,7 +111,9 @@ fn draw_base_map(chart: &mut Map<'_>, records: [&Record; 2], bounds: (Point2, Po
     for (state, colour) in [(1_u8, WHITE), (2, OCCUPIED)] {
         for map in &maps {
             let cells = map.cells.iter().enumerate().filter(|(_, cell)| **cell == state);
-            chart.draw_series(cells.map(|(idx, _)| Rectangle::new(cell_box(&map.layout, idx), colour.filled())))?;
+            chart.draw_series(
+                cells.map(|(idx, _)| Rectangle::new(cell_box(&map.layout, idx), colour.filled())),
+            )?;
         }
     }
     Ok(())
@@ -150,10 +142,7 @@ fn draw_regions(chart: &mut Map<'_>, with: &Record) -> anyhow::Result<()> {
         let occupied = region.unpack().into_iter().enumerate().filter(|(_, on)| *on);
         occupied.map(|(idx, _)| Rectangle::new(cell_box(&region.layout, idx), style)).collect::<Vec<_>>()
     });
-    chart
-        .draw_series(boxes)?
-        .label("the rule's region, as found")
-        .legend(move |(x, y)| Rectangle::new([(x, y - 6), (x + 26, y + 6)], style));
+    chart.draw_series(boxes)?;
     Ok(())
 }
 
@@ -162,14 +151,8 @@ fn draw_paths(chart: &mut Map<'_>, scene: &Scene, without: &Record, with: &Recor
         record.moments.iter().map(|m| (m.position_map.x, m.position_map.y)).collect()
     };
     let (red, green) = (WITHOUT.stroke_width(4), WITH.stroke_width(4));
-    chart
-        .draw_series(DashedLineSeries::new(spaced(path(without)), 12, 8, red))?
-        .label("without the words")
-        .legend(move |(x, y)| Rectangle::new([(x, y - 2), (x + 10, y + 2)], red.filled()));
-    chart
-        .draw_series(LineSeries::new(path(with), green))?
-        .label("with the words")
-        .legend(move |(x, y)| PathElement::new([(x, y), (x + 26, y)], green));
+    chart.draw_series(DashedLineSeries::new(spaced(path(without)), 12, 8, red))?;
+    chart.draw_series(LineSeries::new(path(with), green))?;
     let start = scene.map_from_start.position();
     let goal = scene.goal_map;
     for (point, name, colour) in [(start, "start", BLACK), (goal, "goal", RGBColor(200, 120, 0))] {
@@ -178,6 +161,31 @@ fn draw_paths(chart: &mut Map<'_>, scene: &Scene, without: &Record, with: &Recor
             + Circle::new((0, 0), 7, style)
             + Text::new(name, (10, 10), ("sans-serif", 19).into_font().color(&colour))])?;
     }
+    Ok(())
+}
+
+/// What the colours mean, in a row.
+fn draw_legend(area: &DrawingArea<BitMapBackend<'_>, plotters::coord::Shift>) -> anyhow::Result<()> {
+    let width = i32::try_from(area.dim_in_pixel().0).unwrap_or(i32::MAX);
+    let (column, middle) = (width / 4, LEGEND_HEIGHT_PX as i32 / 2);
+    let swatch = |idx: i32| (column * idx + 30, column * idx + 66);
+    for (idx, words) in ["without the words", "with the words", "the rule's region, as found", "not seen yet"]
+        .into_iter()
+        .enumerate()
+    {
+        let (_, right) = swatch(idx as i32);
+        area.draw(&Text::new(words, (right + 10, middle - 9), ("sans-serif", 18)))?;
+    }
+    let (left, right) = swatch(0);
+    for dash in (left..right).step_by(14) {
+        area.draw(&Rectangle::new([(dash, middle - 2), (dash + 8, middle + 2)], WITHOUT.filled()))?;
+    }
+    let (left, right) = swatch(1);
+    area.draw(&Rectangle::new([(left, middle - 2), (right, middle + 2)], WITH.filled()))?;
+    let (left, right) = swatch(2);
+    area.draw(&Rectangle::new([(left, middle - 8), (right, middle + 8)], REGION.mix(0.45).filled()))?;
+    let (left, right) = swatch(3);
+    area.draw(&Rectangle::new([(left, middle - 8), (right, middle + 8)], UNKNOWN.filled()))?;
     Ok(())
 }
 
@@ -263,7 +271,8 @@ mod tests {
                 }
             })
             .collect();
-        let layout = GridLayout { origin_map: Point2::new(0.0, 0.0), resolution_m: 0.05, n_cols: 160, n_rows: 120 };
+        let layout =
+            GridLayout { origin_map: Point2::new(0.0, 0.0), resolution_m: 0.05, n_cols: 160, n_rows: 120 };
         let centre = |idx: usize| {
             let [(x, y), _] = cell_box(&layout, idx);
             Pose2::new(x + 0.025, y + 0.025, 0.0).position()
@@ -294,9 +303,8 @@ mod tests {
         write(&file, &office(), "Don't go under the standing desk", &without, &with).unwrap();
         std::fs::copy(&file, "/tmp/hw/picture.png").unwrap();
         let picture = image::open(&file).unwrap().to_rgb8();
-        let n_of = |wanted: RGBColor| {
-            picture.pixels().filter(|p| p.0 == [wanted.0, wanted.1, wanted.2]).count()
-        };
+        let n_of =
+            |wanted: RGBColor| picture.pixels().filter(|p| p.0 == [wanted.0, wanted.1, wanted.2]).count();
         assert!(n_of(WITH) > 1000, "{} green pixels", n_of(WITH));
         assert!(n_of(WITHOUT) > 1000, "{} red pixels", n_of(WITHOUT));
         let is_blue = |[r, g, b]: [u8; 3]| b > r.saturating_add(60) && b > g.saturating_add(30);

@@ -30,7 +30,9 @@ pub fn table(records: &[&Record]) -> String {
     rows.extend(records.iter().map(|record| cells(record)));
     let n_columns = head.len();
     let widths: Vec<usize> = (0..n_columns)
-        .map(|idx| rows.iter().filter_map(|row| row.get(idx)).map(|cell| cell.chars().count()).max().unwrap_or(0))
+        .map(|idx| {
+            rows.iter().filter_map(|row| row.get(idx)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+        })
         .collect();
     let line = |row: &Vec<String>| {
         let padded = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}"));

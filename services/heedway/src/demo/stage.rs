@@ -1,6 +1,5 @@
 //! One run on the stage: processes started, messages heard, the director's deeds done.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
@@ -59,10 +58,7 @@ pub async fn play(run: Run<'_>, terminal: &mut Terminal) -> anyhow::Result<Recor
     terminal.status("starting the services");
     fleet.wait_until_alive(ALIVE_MAX).await.with_context(|| format!("run {name}"))?;
 
-    let record = match act(&run, &mut fleet, &inbox, terminal).await {
-        Ok(record) => record,
-        Err(e) => return Err(e.context(tails(&fleet)).context(format!("run {name}"))),
-    };
+    let record = act(&run, &mut fleet, &inbox, terminal).await.with_context(|| format!("run {name}"))?;
     terminal.clear_status();
     if let Err(e) = fleet.stop().await {
         terminal.line(&format!("  note: {e:#}"));
@@ -115,7 +111,10 @@ async fn act(
                     return Ok(record);
                 }
                 Deed::End(End::TimeOver) => return Ok(record),
-                Deed::End(End::Failed(why)) => bail!(why),
+                Deed::End(End::Failed { why, look_at: Some(service) }) => {
+                    bail!("{why}\n{}", fleet.log_tail(service))
+                }
+                Deed::End(End::Failed { why, look_at: None }) => bail!(why),
             }
         }
     }
@@ -140,13 +139,4 @@ fn is_worth_telling(heard: &Heard) -> bool {
         Heard::Peer(peer) => !peer.alive,
         _ => false,
     }
-}
-
-/// The ends of the logs of those that can keep a run from going on.
-fn tails(fleet: &Fleet) -> String {
-    let parts = ServiceName::ALL.iter().map(|name| {
-        let log: PathBuf = fleet.log(*name);
-        format!("--- {} ---\n{}", log.display(), fleet.log_tail(*name))
-    });
-    parts.collect::<Vec<_>>().join("\n")
 }

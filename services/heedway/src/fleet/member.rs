@@ -74,7 +74,8 @@ impl Member {
             .process_group(0)
             .kill_on_drop(true);
         die_with_this_thread(&mut command);
-        let child = command.spawn().with_context(|| format!("start {} {}", self.program.display(), self.name))?;
+        let child =
+            command.spawn().with_context(|| format!("start {} {}", self.program.display(), self.name))?;
         self.child = Some(child);
         Ok(())
     }
