@@ -212,7 +212,9 @@ pub struct SemanticsBeat {
     pub n_frames: u64,
     /// Frames dropped unseen because a newer one had come.
     pub n_frames_dropped: u64,
-    /// What keeps it from looking ("no answer from models/segments for 2.1 s"); empty when nothing.
+    /// Whether it cannot look at all: then this beat proves nothing, and its receivers let it age.
+    pub is_blind: bool,
+    /// What is wrong ("no answer from models/segments for 2.1 s"); empty when nothing.
     pub trouble: String,
 }
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 use anyhow::Context;
 use geometry::Profile;
 use proto::{Health, Segment, topics};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 
 use crate::bus::Bus;
@@ -165,6 +166,8 @@ where
         "starting"
     );
     let (stop_sender, stop) = watch::channel(false);
+    // Before anything else: who is told to stop while it starts must stop in order, too.
+    let mut signals = Signals::listen()?;
     let clock = Clock::start();
     let counters = Counters::default();
     let session = session::open(&loaded.common.network, &loaded.folder).await?;
@@ -176,8 +179,8 @@ where
     let mut serving = tokio::spawn(serve(life, loaded.settings));
     let end = tokio::select! {
         end = &mut serving => end,
-        signal = wait_for_signal() => {
-            tracing::info!(signal = signal?, "stopping");
+        signal = signals.next() => {
+            tracing::info!(signal, "stopping");
             let _ = stop_sender.send(true);
             match tokio::time::timeout(DRAIN_MAX, &mut serving).await {
                 Ok(end) => end,
@@ -194,13 +197,24 @@ where
     end.context("service task")?
 }
 
-async fn wait_for_signal() -> anyhow::Result<&'static str> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let mut terminate = signal(SignalKind::terminate()).context("listen for SIGTERM")?;
-    let mut interrupt = signal(SignalKind::interrupt()).context("listen for SIGINT")?;
-    tokio::select! {
-        _ = terminate.recv() => Ok("SIGTERM"),
-        _ = interrupt.recv() => Ok("SIGINT"),
+/// The signals that ask a process to stop.
+struct Signals {
+    terminate: Signal,
+    interrupt: Signal,
+}
+
+impl Signals {
+    fn listen() -> anyhow::Result<Self> {
+        let terminate = signal(SignalKind::terminate()).context("listen for SIGTERM")?;
+        let interrupt = signal(SignalKind::interrupt()).context("listen for SIGINT")?;
+        Ok(Signals { terminate, interrupt })
+    }
+
+    async fn next(&mut self) -> &'static str {
+        tokio::select! {
+            _ = self.terminate.recv() => "SIGTERM",
+            _ = self.interrupt.recv() => "SIGINT",
+        }
     }
 }
 

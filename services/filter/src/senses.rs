@@ -168,7 +168,9 @@ impl Senses {
         &mut self,
         heard: Heard<SemanticsBeat>,
     ) -> Result<Option<FieldJob>, Invalid> {
-        if self.threads.beat.follow(heard.message.header, heard.at) != Order::Old {
+        let order = self.threads.beat.follow(heard.message.header, heard.at);
+        // Who beats and cannot look proves nothing: the last beat of one who could grows old.
+        if order != Order::Old && !heard.message.is_blind {
             self.beat = Some(heard);
         }
         Ok(None)

@@ -6,19 +6,17 @@
 //! and any reading of what it does.
 
 mod configs;
+mod meeting_point;
 mod member;
 
 use std::collections::BTreeMap;
-use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
 use geometry::Profile;
 use proto::Segment;
-use service::config::Network;
-use service::{Bus, Clock, Counters, Inbox, PeerChange};
+use service::{Bus, Inbox, PeerChange};
 
 pub use configs::{OFFICE_SCENE, shipped_profile};
 pub use member::Death;
@@ -28,8 +26,6 @@ use crate::carry::ServiceName;
 
 /// How often it is looked whether a process has died.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// How often a port is picked before giving up: another program may take it first.
-const N_PORT_TRIES: usize = 5;
 /// Longest time from SIGTERM to SIGKILL in an orderly stop; services drain within 3 s.
 const STOP_MAX: Duration = Duration::from_secs(5);
 
@@ -83,6 +79,19 @@ pub struct FleetOptions {
     pub folder: Option<PathBuf>,
     /// The robot's name; unique when not given.
     pub robot: Option<String>,
+    /// What else differs from the shipped configurations.
+    pub changes: Vec<Change>,
+}
+
+/// One value that differs from a shipped configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// Whose configuration.
+    pub service: ServiceName,
+    /// The key, with its section, as in `simulator.noise.range_m`; the shipped file must have it.
+    pub key: String,
+    /// The value.
+    pub value: toml::Value,
 }
 
 impl FleetOptions {
@@ -98,6 +107,7 @@ impl FleetOptions {
             program,
             folder: None,
             robot: None,
+            changes: Vec::new(),
         }
     }
 }
@@ -126,7 +136,7 @@ impl Fleet {
     pub async fn launch(options: FleetOptions) -> anyhow::Result<Fleet> {
         let robot = match &options.robot {
             Some(name) => Segment::new(name)?,
-            None => unique_robot()?,
+            None => meeting_point::unique_robot()?,
         };
         let (folder, temporary) = match &options.folder {
             Some(folder) => (folder.clone(), None),
@@ -137,7 +147,7 @@ impl Fleet {
             }
         };
         std::fs::create_dir_all(&folder).with_context(|| format!("create {}", folder.display()))?;
-        let (bus, endpoint) = open_meeting_point(&robot).await?;
+        let (bus, endpoint) = meeting_point::open(&robot).await?;
         let peers = Inbox::new();
         bus.watch_peers(&peers, |peer| peer).await?;
 
@@ -301,39 +311,4 @@ impl Fleet {
 #[must_use]
 pub fn profile() -> Profile {
     Profile::sim()
-}
-
-fn unique_robot() -> anyhow::Result<Segment> {
-    static N_FLEETS: AtomicU32 = AtomicU32::new(0);
-    let idx = N_FLEETS.fetch_add(1, Ordering::Relaxed);
-    Ok(Segment::new(&format!("demo-{}-{idx}", std::process::id()))?)
-}
-
-/// Opens a session that listens on a free port of the loopback interface.
-async fn open_meeting_point(robot: &Segment) -> anyhow::Result<(Bus, String)> {
-    let mut last_error = anyhow!("no port tried");
-    for _ in 0..N_PORT_TRIES {
-        let endpoint = format!("tcp/127.0.0.1:{}", free_port()?);
-        let network = Network {
-            zenoh: None,
-            mode: "peer".to_owned(),
-            connect: Vec::new(),
-            listen: vec![endpoint.clone()],
-            multicast: false,
-        };
-        match service::session::open(&network, Path::new(".")).await {
-            Ok(session) => {
-                let bus = Bus::new(session, robot.clone(), Clock::start(), Counters::default());
-                return Ok((bus, endpoint));
-            }
-            // Somebody took the port in between: pick another.
-            Err(e) => last_error = e.context(endpoint),
-        }
-    }
-    Err(last_error.context("no port to meet at"))
-}
-
-fn free_port() -> anyhow::Result<u16> {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("pick a free port")?;
-    Ok(listener.local_addr().context("pick a free port")?.port())
 }

@@ -2,14 +2,13 @@
 
 use std::io::{IsTerminal, Write};
 
-/// Most characters of a status line when the terminal does not tell its width.
-const N_COLUMNS: usize = 110;
+/// Most characters of a status line; what does not fit into the terminal is cut off by it.
+const N_CHARS_MAX: usize = 300;
 
 /// Standard output.
 #[derive(Debug)]
 pub struct Terminal {
     live: bool,
-    n_columns: usize,
     status: String,
 }
 
@@ -17,9 +16,7 @@ impl Terminal {
     /// Standard output; the status line is shown when it is a terminal.
     #[must_use]
     pub fn stdout() -> Self {
-        let told = std::env::var("COLUMNS").ok().and_then(|text| text.parse().ok());
-        let n_columns = told.unwrap_or(N_COLUMNS).clamp(20, 1000);
-        Terminal { live: std::io::stdout().is_terminal(), n_columns, status: String::new() }
+        Terminal { live: std::io::stdout().is_terminal(), status: String::new() }
     }
 
     /// The same without a status line.
@@ -52,8 +49,9 @@ impl Terminal {
             return;
         }
         text.clone_into(&mut self.status);
-        let shown: String = text.chars().take(self.n_columns.saturating_sub(1)).collect();
-        write_out(&format!("\r\x1b[2K{shown}"));
+        let shown: String = text.chars().take(N_CHARS_MAX).collect();
+        // Without wrapping: of a line that goes on below, only the last part could be rewritten.
+        write_out(&format!("\r\x1b[2K\x1b[?7l{shown}\x1b[?7h"));
     }
 
     /// Takes the status line away.

@@ -272,7 +272,7 @@ fn camera_thread(
         let map_from_camera = snapshot.map_from_base.lifted(0.0) * mount.base_from_camera();
         let mut image = pool.install(|| rays.image(&map_from_camera, &mount.intrinsics, camera.depth_m_max));
         noise.spoil_depth(&mut image.depth_mm, &mut draws(seed, "depth", snapshot.seq));
-        kept.keep(snapshot.seq, snapshot.stamp_ns, image.seen);
+        kept.keep(snapshot.seq, snapshot.stamp_ns, &image.seen);
         RgbdFrame {
             header: Header { seq: snapshot.seq, stamp_ns: snapshot.stamp_ns, echo: 0 },
             intrinsics: mount.intrinsics,

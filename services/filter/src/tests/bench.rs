@@ -50,6 +50,8 @@ pub struct Bench {
     /// Jobs that are kept back, to come late.
     pub keep_fields_back: bool,
     pub kept_back: Vec<FieldJob>,
+    /// Whether semantics says that it cannot look.
+    pub blind: bool,
     silent: BTreeMap<Feed, ()>,
     pub last_ms: BTreeMap<Feed, u64>,
     seqs: BTreeMap<&'static str, u64>,
@@ -83,6 +85,7 @@ impl Bench {
             rejected: Vec::new(),
             keep_fields_back: false,
             kept_back: Vec::new(),
+            blind: false,
             silent: BTreeMap::new(),
             last_ms: BTreeMap::new(),
             seqs: BTreeMap::new(),
@@ -261,6 +264,7 @@ impl Bench {
                 rules_version: 1,
                 n_frames: 1,
                 n_frames_dropped: 0,
+                is_blind: self.blind,
                 trouble: String::new(),
             };
             let input = Input::SemanticsBeat(self.heard(beat));
@@ -319,14 +323,15 @@ impl Bench {
     }
 }
 
-/// Cells of a square.
+/// Every cell that a square touches.
 pub fn square(centre: [f64; 2], half_m: f64) -> CellSet {
     let layout =
         GridLayout { origin_map: Point2::new(-5.0, -5.0), resolution_m: 0.05, n_cols: 200, n_rows: 200 };
     let cells: Vec<bool> = (0..40_000)
         .map(|i| {
             let (x, y) = (-4.975 + 0.05 * (i % 200) as f64, -4.975 + 0.05 * (i / 200) as f64);
-            (x - centre[0]).abs() < half_m && (y - centre[1]).abs() < half_m
+            let reach_m = half_m + 0.025;
+            (x - centre[0]).abs() < reach_m && (y - centre[1]).abs() < reach_m
         })
         .collect();
     CellSet::pack(layout, &cells)

@@ -115,6 +115,23 @@ fn silent_semantics_slow_and_then_stop_while_a_rule_has_an_object() {
 }
 
 #[test]
+fn semantics_that_beat_and_cannot_look_count_as_silent() {
+    let mut bench = Bench::driving();
+    bench.rules(2, vec![Rule { id: "s1".into(), ..Rule::exclusion(Relation::Near, "crib") }]);
+    bench.object("s1", Grounding::Grounded, [40.0, 40.0], 0.2);
+    bench.run(5000);
+    assert_eq!(bench.status().stop_reason, "");
+    bench.blind = true;
+    bench.run(2000);
+    assert!(bench.status().words.contains("going slowly: semantics"), "{}", bench.status().words);
+    bench.run(2000);
+    assert!(bench.status().stop_reason.starts_with("semantics"), "{}", bench.status().words);
+    bench.blind = false;
+    bench.run(1000);
+    assert_eq!(bench.status().stop_reason, "");
+}
+
+#[test]
 fn silent_semantics_do_not_matter_while_no_rule_has_an_object() {
     let mut bench = Bench::driving();
     bench.silence(Feed::Beat);
@@ -257,8 +274,14 @@ fn a_beat_that_answers_old_odometry_does_not_look_fresh() {
         if k % 100 == 0 {
             let header = bench.header("beat", echo);
             let trouble = String::new();
-            let beat =
-                proto::SemanticsBeat { header, rules_version: 2, n_frames: k, n_frames_dropped: 0, trouble };
+            let beat = proto::SemanticsBeat {
+                header,
+                rules_version: 2,
+                n_frames: k,
+                n_frames_dropped: 0,
+                is_blind: false,
+                trouble,
+            };
             let input = Input::SemanticsBeat(bench.heard(beat));
             bench.give(input);
         }

@@ -301,7 +301,6 @@ mod tests {
         let file = folder.path().join("picture.png");
         let (without, with) = (record("without", 0.0), record("with", -2.0));
         write(&file, &office(), "Don't go under the standing desk", &without, &with).unwrap();
-        std::fs::copy(&file, "/tmp/hw/picture.png").unwrap();
         let picture = image::open(&file).unwrap().to_rgb8();
         let n_of =
             |wanted: RGBColor| picture.pixels().filter(|p| p.0 == [wanted.0, wanted.1, wanted.2]).count();

@@ -92,6 +92,10 @@ fn filled_in(name: ServiceName, facts: &Facts<'_>) -> anyhow::Result<Table> {
         }
         ServiceName::Localisation | ServiceName::Semantics => {}
     }
+    for change in options.changes.iter().filter(|change| change.service == name) {
+        let path: Vec<&str> = change.key.split('.').collect();
+        set(&mut table, &path, change.value.clone())?;
+    }
     Ok(table)
 }
 
@@ -135,6 +139,7 @@ fn set(table: &mut Table, path: &[&str], value: impl Into<Value>) -> anyhow::Res
 
 #[cfg(test)]
 mod tests {
+    use super::super::Change;
     use super::*;
     use geometry::Profile;
 
@@ -162,10 +167,16 @@ mod tests {
             planner: Planner::Base,
             method: Some(Method::LeastRestrictive),
             seed: 42,
+            changes: vec![Change {
+                service: ServiceName::Simulator,
+                key: "simulator.models.missed".into(),
+                value: Value::from(0.25),
+            }],
             ..FleetOptions::office(PathBuf::from("heedway"))
         };
         let found = |name, key: &str| table_of(name, &options)[name.as_str()][key].clone();
         assert_eq!(found(ServiceName::Simulator, "seed"), Value::from(42));
+        assert_eq!(found(ServiceName::Simulator, "models")["missed"], Value::from(0.25));
         assert_eq!(found(ServiceName::Filter, "method"), Value::from("least_restrictive"));
         assert_eq!(found(ServiceName::Navigator, "planner"), Value::from("base"));
     }

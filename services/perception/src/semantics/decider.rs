@@ -346,6 +346,7 @@ impl Decider {
             rules_version: self.rules_version.unwrap_or(0),
             n_frames: self.counts.n_frames,
             n_frames_dropped: self.counts.n_frames_dropped + self.door.n_left_out(),
+            is_blind: false,
             trouble: String::new(),
         };
         outputs.extend(self.report.beat(now, beat).map(Output::Beat));

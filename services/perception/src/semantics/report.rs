@@ -35,6 +35,14 @@ pub struct Troubles {
 }
 
 impl Troubles {
+    /// Whether nothing can be looked at: all that is wrong but rules that are left out, which are not kept
+    /// from being found by blindness and count as not grounded anyway.
+    #[must_use]
+    pub fn is_blind(&self) -> bool {
+        let Troubles { door, place, models, looking, fusing, overdue, rules: _ } = self;
+        [door, place, models, looking, fusing, overdue].into_iter().any(|words| !words.is_empty())
+    }
+
     /// All of it, in words; empty when nothing is wrong.
     #[must_use]
     pub fn words(&self) -> String {
@@ -82,7 +90,8 @@ impl Report {
         self.beaten = Some(now);
         self.n_beats += 1;
         let header = proto::Header { seq: self.n_beats, ..beat.header };
-        Some(SemanticsBeat { header, trouble: self.troubles.words(), ..beat })
+        let (is_blind, trouble) = (self.troubles.is_blind(), self.troubles.words());
+        Some(SemanticsBeat { header, is_blind, trouble, ..beat })
     }
 
     /// What is wrong, when that has changed since the log heard of it.
@@ -116,10 +125,11 @@ mod tests {
             rules_version: 1,
             n_frames: 0,
             n_frames_dropped: 0,
+            is_blind: false,
             trouble: String::new(),
         };
         let beat = report.beat(Time::ZERO, empty).unwrap();
-        assert!(!beat.trouble.is_empty());
+        assert!(beat.is_blind && !beat.trouble.is_empty());
         assert_eq!(beat.check(), Ok(()));
         assert!(proto::encode(&beat).is_ok());
     }

@@ -2,7 +2,7 @@
 //!
 //! Neighbouring rays meet the same triangles. So the hierarchy is asked once a tile, with the tile's
 //! pyramid of rays, and each ray is then cast at the few that are left. The answer is that of casting
-//! each ray at everything; it comes some four times sooner.
+//! each ray at everything; it comes in half of the time.
 
 use parry3d::math::Vector;
 use parry3d::partitioning::BvhNode;

@@ -120,7 +120,7 @@ fn a_start_inside_a_closed_mesh_is_in_collision_although_no_face_is_near() {
 fn meshes_lie_beside_the_scene_and_what_is_wrong_with_them_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let mut value = room();
-    value["objects"] = json!([{"id": "m", "label": "thing", "pose": [3, 2, 0.5, 1.5707963267948966],
+    value["objects"] = json!([{"id": "m", "label": "thing", "pose": [3, 2, 0.5, std::f64::consts::FRAC_PI_2],
         "mesh": "meshes/m.obj", "size": [9, 9, 9], "parts": []}]);
     let file = folder.path().join("scene.json");
     std::fs::write(&file, value.to_string()).unwrap();
@@ -188,7 +188,7 @@ fn unknown_keys_are_kept_and_ignored() {
 #[test]
 fn parts_stand_where_their_object_stands_turned_with_it() {
     let scene = room_with(json!([
-        {"id": "a", "label": "arm", "kind": "thing", "pose": [3, 2, 0, 1.5707963267948966], "parts": [
+        {"id": "a", "label": "arm", "kind": "thing", "pose": [3, 2, 0, std::f64::consts::FRAC_PI_2], "parts": [
             {"shape": "box", "pose": [1, 0, 0.1, 0], "size": [0.2, 0.4, 0.3]},
             {"shape": "prism", "pose": [0, 0, 0, 0], "size": [0.2], "polygon": [[0, 0], [0, 0.5], [0.5, 0]]}]}
     ]));
