@@ -56,12 +56,18 @@ impl Life {
         let _ = stop.wait_for(|stopped| *stopped).await;
     }
 
-    /// Tells the supervisor that the service is ready.
-    pub fn ready(&self) {
+    /// Tells the network and the supervisor that the service is ready: it has subscribed to what it needs,
+    /// and what is said from now on is heard.
+    ///
+    /// # Errors
+    /// When the session refuses.
+    pub async fn ready(&self) -> anyhow::Result<()> {
+        self.bus.declare_alive(&self.name).await?;
         if let Err(e) = sd_notify::notify(&[sd_notify::NotifyState::Ready]) {
             tracing::debug!(error = %e, "no supervisor to notify");
         }
         tracing::info!("ready");
+        Ok(())
     }
 }
 
@@ -172,7 +178,6 @@ where
     let counters = Counters::default();
     let session = session::open(&loaded.common.network, &loaded.folder).await?;
     let bus = Bus::new(session.clone(), loaded.robot.clone(), clock, counters.clone());
-    bus.declare_alive(&name).await?;
     let beat = tokio::spawn(beat(bus.clone(), name.clone(), loaded.hash.clone(), counters.clone(), clock));
 
     let life = Life { name, profile: loaded.profile, bus, clock, folder: loaded.folder, counters, stop };

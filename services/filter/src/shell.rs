@@ -59,7 +59,7 @@ pub async fn serve(life: Life, settings: FilterSettings) -> anyhow::Result<()> {
         fields: field_worker(inbox.slot(N_FIELDS_MAX)),
         counters: life.counters.clone(),
     };
-    life.ready();
+    life.ready().await?;
     tick_until_stopped(&life, decider, &inbox, outlets, 1.0 / settings.rate_hz).await
 }
 

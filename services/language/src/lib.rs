@@ -69,7 +69,7 @@ pub async fn serve(life: Life, settings: LanguageSettings) -> anyhow::Result<()>
     // In this order, whoever hears the rules can speak; what is said waits until they are out.
     subscribe(&life, &inbox).await?;
     hands.perform_all(decider.step(life.clock.now(), Input::Tick(unix_ms)));
-    life.ready();
+    life.ready().await?;
 
     let mut tick = tokio::time::interval(TICK);
     tick.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);

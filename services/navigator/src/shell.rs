@@ -27,7 +27,7 @@ pub async fn serve(life: Life, settings: NavigatorSettings) -> anyhow::Result<()
     };
     let mut plan_ticks = ticks(settings.plan_rate_hz);
     let mut track_ticks = ticks(settings.track_rate_hz);
-    life.ready();
+    life.ready().await?;
     loop {
         let input = tokio::select! {
             biased;

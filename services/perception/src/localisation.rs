@@ -31,7 +31,7 @@ pub async fn serve(life: Life, settings: Settings) -> anyhow::Result<()> {
     let mut decider = Decider::new(settings, &life.profile);
     let mut tick = tokio::time::interval(TICK);
     tick.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-    life.ready();
+    life.ready().await?;
     loop {
         let input = tokio::select! {
             () = life.stopped() => return Ok(()),

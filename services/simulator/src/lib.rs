@@ -60,7 +60,7 @@ pub async fn serve(life: Life, settings: SimulatorSettings) -> anyhow::Result<()
 
     let host = answer_questions(&life, oracle, kept, settings.models.delay_s).await?;
     let teller = tell_the_truth(&life, robot.state(), Arc::clone(&world.truth)).await?;
-    life.ready();
+    life.ready().await?;
     let end = robot::drive(&life, robot, settings.drive).await;
     host.abort();
     teller.abort();

@@ -10,12 +10,13 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use geometry::Point2;
 use heedway_cli::carry::ServiceName;
+use heedway_cli::connection::put_when_heard;
 use heedway_cli::fleet::{Fleet, FleetOptions, OFFICE_SCENE};
 use proto::{
     FilterStatus, Goal, Health, Instruction, InstructionReply, ObjectMap, RobotStatus, RuleSet, RulesHeld,
     Truth, topics,
 };
-use service::{Inbox, Publisher, Received};
+use service::{Inbox, Received};
 use tokio::sync::{Mutex, MutexGuard};
 
 /// Longest wait for any condition. Generous: it is reached only when something is broken.
@@ -47,7 +48,6 @@ pub struct Stage {
     /// The processes.
     pub fleet: Fleet,
     seen: Inbox<Seen>,
-    goals: Publisher<Goal>,
     _alone: MutexGuard<'static, ()>,
 }
 
@@ -102,8 +102,7 @@ impl Stage {
         bus.subscribe(&topics::OBJECT_MAP, &seen, 64, |r: Received<_>| Seen::Object(r.message)).await?;
         bus.subscribe(&topics::REPLY, &seen, 64, |r: Received<_>| Seen::Reply(r.message)).await?;
         bus.subscribe(&topics::HEALTH, &seen, 64, |r: Received<_>| Seen::Health(r.message)).await?;
-        let goals = bus.publisher(&topics::GOAL).await?;
-        Ok(Stage { fleet, seen, goals, _alone: alone })
+        Ok(Stage { fleet, seen, _alone: alone })
     }
 
     /// Watches until `condition` holds of something seen; gives what it made of it.
@@ -148,14 +147,18 @@ impl Stage {
     /// # Errors
     /// When it does not.
     pub async fn go(&mut self, goal_map: Point2) -> anyhow::Result<()> {
-        self.goals.put(&Goal {
-            id: "test".into(),
-            x_m: goal_map.x,
-            y_m: goal_map.y,
-            tolerance_m: 0.2,
-            cancel: false,
-        })?;
+        self.send_to(goal_map).await?;
         self.until_moving().await
+    }
+
+    /// Sends the robot somewhere.
+    ///
+    /// # Errors
+    /// When nobody listens.
+    pub async fn send_to(&self, goal_map: Point2) -> anyhow::Result<()> {
+        let Point2 { coords } = goal_map;
+        let goal = Goal { id: "test".into(), x_m: coords.x, y_m: coords.y, tolerance_m: 0.2, cancel: false };
+        put_when_heard(self.fleet.bus(), &topics::GOAL, proto::encode(&goal)?, PATIENCE).await
     }
 
     /// Waits until the robot moves.
@@ -206,9 +209,7 @@ impl Stage {
     /// # Errors
     /// When no answer comes.
     pub async fn say(&mut self, words: &str) -> anyhow::Result<InstructionReply> {
-        let key = proto::keys::key(self.fleet.robot(), &topics::INSTRUCTION);
-        let session = self.fleet.bus().session().clone();
-        session.put(key, words).await.map_err(|e| anyhow::anyhow!("{e}"))?;
+        put_when_heard(self.fleet.bus(), &topics::INSTRUCTION, words.into(), PATIENCE).await?;
         self.reply_to(words).await
     }
 
@@ -217,8 +218,8 @@ impl Stage {
     /// # Errors
     /// When no answer comes.
     pub async fn say_as(&mut self, instruction: &Instruction) -> anyhow::Result<InstructionReply> {
-        let publisher = self.fleet.bus().publisher(&topics::INSTRUCTION).await?;
-        publisher.put(instruction)?;
+        let payload = proto::encode(instruction)?;
+        put_when_heard(self.fleet.bus(), &topics::INSTRUCTION, payload, PATIENCE).await?;
         self.reply_to(&instruction.text).await
     }
 

@@ -69,7 +69,7 @@ async fn garbage_on_any_key_is_counted_with_a_reason_and_nothing_stops_working()
             missing.is_empty().then_some(())
         })
         .await
-        .unwrap_or_else(|e| panic!("{e:#}"));
+        .unwrap_or_else(|e| panic!("{missing:?}: {e:#}"));
     let reply = stage.say("Don't go under the standing desk").await.unwrap();
     assert_eq!(reply.reply.specs.len(), 1, "seed {seed}");
     stage.go(office_goal_map()).await.unwrap();

@@ -168,11 +168,7 @@ async fn a_filter_without_a_rule_set_does_not_move() {
         Stage::open_with(|options| options.services.retain(|name| *name != ServiceName::Language))
             .await
             .unwrap();
-    let goals = stage.fleet.bus().publisher::<proto::Goal>(&topics::GOAL).await.unwrap();
-    let goal = office_goal_map();
-    goals
-        .put(&proto::Goal { id: String::new(), x_m: goal.x, y_m: goal.y, tolerance_m: 0.2, cancel: false })
-        .unwrap();
+    stage.send_to(office_goal_map()).await.unwrap();
     let wanted = stage
         .until("the navigator wants to go and the filter names the rules", |seen| match seen {
             Seen::Filter(status)
