@@ -174,6 +174,20 @@ impl Stage {
         .await
     }
 
+    /// Waits until a restarted service hears what is said.
+    ///
+    /// # Errors
+    /// When it does not come.
+    pub async fn until_alive(&mut self, service: ServiceName) -> anyhow::Result<()> {
+        self.forget();
+        self.until(&format!("{service} tells its health"), |seen| match seen {
+            Seen::Health(health) => (health.service == service.as_str()).then_some(()),
+            _ => None,
+        })
+        .await?;
+        self.fleet.wait_until_alive(PATIENCE).await
+    }
+
     /// Waits until the robot is truly at rest.
     ///
     /// # Errors

@@ -19,6 +19,11 @@ async fn check_stops(service: ServiceName, reason: &[&str]) {
     stage.until_stopped_for(reason).await.unwrap();
     stage.until_at_rest().await.unwrap();
     stage.fleet.restart(service).unwrap();
+    if service == ServiceName::Navigator {
+        // A goal is no rule: a new navigator has none until somebody says again where to go.
+        stage.until_alive(service).await.unwrap();
+        stage.send_to(office_goal_map()).await.unwrap();
+    }
     stage.until_moving().await.unwrap();
     let rules = rules_of_filter(&mut stage).await;
     assert_eq!(rules, [rule_id]);
