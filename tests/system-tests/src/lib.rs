@@ -73,6 +73,12 @@ pub fn office_goal_map() -> Point2 {
     Point2::new(along(0), along(1))
 }
 
+/// Held by whoever runs a whole system: two at a time on a machine would starve each other.
+pub fn alone() -> &'static Mutex<()> {
+    static ALONE: OnceLock<Mutex<()>> = OnceLock::new();
+    ALONE.get_or_init(Mutex::default)
+}
+
 impl Stage {
     /// Starts every service over the office scene and waits until all are alive.
     ///
@@ -87,8 +93,7 @@ impl Stage {
     /// # Errors
     /// When a service does not start; its log is in the message.
     pub async fn open_with(change: impl FnOnce(&mut FleetOptions)) -> anyhow::Result<Stage> {
-        static ALONE: OnceLock<Mutex<()>> = OnceLock::new();
-        let alone = ALONE.get_or_init(Mutex::default).lock().await;
+        let alone = alone().lock().await;
         let mut options = FleetOptions::office(program()?);
         change(&mut options);
         let mut fleet = Fleet::launch(options).await?;

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail loudly")]
 
 mod process {
+    mod demo;
     mod garbage;
     mod kill;
     mod words;
