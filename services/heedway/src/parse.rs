@@ -44,8 +44,29 @@ enum ParserName {
 struct Sentence {
     id: serde_json::Value,
     #[serde(default)]
-    context: Vec<Rule>,
+    context: Vec<InForce>,
     text: String,
+}
+
+/// A rule in force: as it is, or as a log of a dialogue wraps it.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+enum InForce {
+    /// `{"active": rule}`.
+    Wrapped {
+        /// The rule.
+        active: Box<Rule>,
+    },
+    /// The rule itself.
+    Plain(Box<Rule>),
+}
+
+impl InForce {
+    fn into_rule(self) -> Rule {
+        match self {
+            InForce::Wrapped { active: rule } | InForce::Plain(rule) => *rule,
+        }
+    }
 }
 
 /// One line out.
@@ -93,7 +114,8 @@ fn parse_lines(
             continue;
         }
         let sentence: Sentence = serde_json::from_slice(&line).with_context(place)?;
-        let reply = parser(&sentence.context, &sentence.text);
+        let context: Vec<Rule> = sentence.context.into_iter().map(InForce::into_rule).collect();
+        let reply = parser(&context, &sentence.text);
         let parsed = Parsed {
             id: sentence.id,
             outcome: reply.outcome,
