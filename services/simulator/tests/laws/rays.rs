@@ -1,8 +1,10 @@
 //! What sensors see agrees with geometry done by hand.
 
 use geometry::{CameraIntrinsics, Point3, Pose2, Profile};
+use heedway_simulator::footprint::Footprint;
 use heedway_simulator::raycast::{INSTANCE_FLOOR, INSTANCE_OBJECTS, INSTANCE_WALL, Image, RayCaster};
 use heedway_simulator::scene::Scene;
+use heedway_simulator::solid::Band;
 use proptest::prelude::*;
 use serde_json::json;
 
@@ -46,6 +48,9 @@ proptest! {
         let image = look(&scene, map_from_base);
         let map_from_camera = map_from_base.lifted(0.0) * Profile::sim().camera.base_from_camera();
         let eye = Point3::from(map_from_camera.translation.vector);
+        // From within a body its faces can lie in another's: which of the two is seen is a tie.
+        let here = Band { bottom_m: eye.z - 0.01, top_m: eye.z + 0.01 };
+        prop_assume!(scene.objects.iter().all(|o| Footprint::of(&o.solids, here).distance_m(eye.xy()) > 0.01));
         let mut n_border = 0;
         for v in 0..60 {
             for u in 0..80 {
@@ -81,6 +86,9 @@ proptest! {
         let image = rays.image(&map_from_camera, &SMALL, 65.0);
         let rug = INSTANCE_OBJECTS + scene.objects.iter().position(|o| o.id == "rug").unwrap() as u16;
         let eye = Point3::from(map_from_camera.translation.vector);
+        // From within a body its faces can lie in another's: which of the two is seen is a tie.
+        let here = Band { bottom_m: eye.z - 0.01, top_m: eye.z + 0.01 };
+        prop_assume!(scene.objects.iter().all(|o| Footprint::of(&o.solids, here).distance_m(eye.xy()) > 0.01));
         let mut n_border = 0;
         for v in 0..60 {
             for u in 0..80 {
