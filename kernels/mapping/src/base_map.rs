@@ -29,6 +29,26 @@ pub struct Scan<'a> {
     pub no_return_is_free: bool,
 }
 
+impl Scan<'_> {
+    /// Checks angles and limits.
+    ///
+    /// # Errors
+    /// [`BaseMapError::Scan`] names them.
+    pub fn check(&self) -> Result<(), BaseMapError> {
+        let Scan { angle_min_rad, angle_increment_rad, range_min_m, range_max_m, .. } = *self;
+        let ok = angle_min_rad.is_finite()
+            && angle_increment_rad.is_finite()
+            && range_min_m >= 0.0
+            && range_max_m > range_min_m
+            && range_max_m <= 1000.0;
+        if ok {
+            Ok(())
+        } else {
+            Err(BaseMapError::Scan { angle_min_rad, angle_increment_rad, range_min_m, range_max_m })
+        }
+    }
+}
+
 /// How the base map is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseMapConfig {
@@ -162,7 +182,7 @@ impl BaseMapper {
         if !map_from_lidar.is_finite() {
             return Err(BaseMapError::Pose);
         }
-        check(scan)?;
+        scan.check()?;
         let beams = self.beams(scan, map_from_lidar);
         let eye = map_from_lidar.position();
         let (mut low, mut high) = (eye, eye);
@@ -257,20 +277,6 @@ impl BaseMapper {
 struct Beam {
     end: Point2,
     is_hit: bool,
-}
-
-fn check(scan: &Scan<'_>) -> Result<(), BaseMapError> {
-    let Scan { angle_min_rad, angle_increment_rad, range_min_m, range_max_m, .. } = *scan;
-    let ok = angle_min_rad.is_finite()
-        && angle_increment_rad.is_finite()
-        && range_min_m >= 0.0
-        && range_max_m > range_min_m
-        && range_max_m <= 1000.0;
-    if ok {
-        Ok(())
-    } else {
-        Err(BaseMapError::Scan { angle_min_rad, angle_increment_rad, range_min_m, range_max_m })
-    }
 }
 
 fn moved<T: Copy + Default>(old: &Grid<T>, layout: Layout, off: [usize; 2]) -> Grid<T> {

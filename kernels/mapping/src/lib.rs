@@ -23,7 +23,9 @@ pub mod occupancy;
 pub mod projection;
 pub mod raster;
 pub mod region;
+pub mod scan_match;
 pub mod segments;
+pub mod slam;
 pub mod tsdf;
 
 pub use distance::{signed_distance, squared_distance_cells};
