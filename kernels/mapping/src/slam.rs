@@ -33,10 +33,12 @@ use graph::Graph;
 use loops::Loops;
 use submap::Submap;
 
-/// A match that fits worse than this is tried again in a wider window.
+/// A match that fits worse than this is tried again in a wider window, ...
 const SHARE_WIDEN: f64 = 0.55;
-/// A wider window must find this much more to be believed.
+/// ... which must find this much more to be believed, ...
 const SHARE_GAIN: f64 = 0.1;
+/// ... or this much against the word of odometry.
+const SHARE_GAIN_ODOMETRY: f64 = 0.25;
 /// How much wider, and at least how wide.
 const WIDER: f64 = 3.0;
 const WIDE_SHIFT_M: f64 = 1.0;
@@ -160,7 +162,6 @@ impl Slam {
         let last_from_now = last_from_now.filter(Pose2::is_finite);
         self.n_scans += 1;
         let cloud = Cloud::of_scan(scan, self.config.base_from_lidar, self.config.range_used_m);
-        let before = self.map_from_base();
         let foreseen = self.motion.foresee(last_from_now);
         let mut has_jumped = false;
         let found = if self.last_keyframe.is_none() {
@@ -180,7 +181,6 @@ impl Slam {
             has_jumped |= gap.position().coords.norm() > JUMP_M || gap.yaw_rad.abs() > JUMP_RAD;
         }
         self.drawing.catch_up(&self.submaps)?;
-        let _ = before;
         Ok(Located {
             map_from_base: self.map_from_base(),
             anchor: Anchor { submap_idx: self.present, submap_from_base: self.present_from_base },
@@ -224,6 +224,9 @@ impl Slam {
         while self.loops.is_waiting() {
             self.close_a_loop();
         }
+        if self.graph.settle(&mut self.submaps) {
+            self.drawing.draw_anew();
+        }
         self.drawing.draw_all(&self.submaps)
     }
 
@@ -258,7 +261,7 @@ impl Slam {
         };
         let last = self.present_from_base;
         let map = self.submaps[self.present].map();
-        let found = map.and_then(|map| find_in_wider_windows(map, cloud, &prior, foreseen.window()));
+        let found = map.and_then(|map| find_in_wider_windows(map, cloud, &prior, foreseen));
         let pose = found.map_or(prior.map_from_scan, |found| found.map_from_scan);
         let map_from_base = self.submaps[self.present].map_from_submap * pose;
         let agreement = Agreement::of(cloud, map, pose, self.drawing.mapper(), map_from_base);
@@ -330,10 +333,9 @@ impl Slam {
     fn close_a_loop(&mut self) -> Pose2 {
         let before = self.map_from_base();
         let Some(constraint) = self.loops.look(&self.submaps) else { return Pose2::IDENTITY };
-        self.graph.add_loop(constraint);
-        let moved = self.graph.settle(&mut self.submaps);
-        self.loops.settled(&self.submaps);
-        if moved {
+        self.loops.closed(&self.submaps);
+        let is_news = self.graph.add_loop(constraint, &self.submaps);
+        if is_news && self.graph.settle(&mut self.submaps) {
             self.drawing.draw_anew();
         }
         before.inverse() * self.map_from_base()
@@ -341,7 +343,13 @@ impl Slam {
 }
 
 /// Matches in the window, and in wider ones when little fits.
-fn find_in_wider_windows(map: &MatchMap, cloud: &Cloud, prior: &Prior, window: Window) -> Option<Match> {
+fn find_in_wider_windows(
+    map: &MatchMap,
+    cloud: &Cloud,
+    prior: &Prior,
+    foreseen: &motion::Foreseen,
+) -> Option<Match> {
+    let window = foreseen.window();
     let near = scan_match::find(map, cloud, prior, window)?;
     if near.inlier_share >= SHARE_WIDEN {
         return Some(near);
@@ -355,7 +363,8 @@ fn find_in_wider_windows(map: &MatchMap, cloud: &Cloud, prior: &Prior, window: W
     }
     let loose = Prior { shift_m: wider.shift_m, turn_rad: wider.turn_rad, ..*prior };
     let far = scan_match::find(map, cloud, &loose, wider)?;
-    Some(if far.inlier_share > near.inlier_share + SHARE_GAIN { far } else { near })
+    let gain = if foreseen.is_odometry { SHARE_GAIN_ODOMETRY } else { SHARE_GAIN };
+    Some(if far.inlier_share > near.inlier_share + gain { far } else { near })
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 //!
 //! A cell's *heat* falls from 255 on a surface to nothing at three cells' distance, by the distance of the
 //! cell's centre to the point itself, so that nothing is rounded to cells. Level k of the pyramid holds, for
-//! each block of 2^k cells, no less than any heat in it and its upper right neighbours: the bound for a
-//! point that may be shifted by up to 2^k − 1 cells.
+//! each block of 2^k cells, the highest heat in it and its upper right neighbours: the bound for a point that
+//! may be shifted by up to 2^k − 1 cells.
 
 use geometry::{Point2 as Point2D, Pose2};
 use nalgebra::{Point2, Vector2};
@@ -21,13 +21,17 @@ const N_SIDE_MAX: usize = 8192;
 const REACH: i32 = 3;
 /// Standard deviation of the heat, cells.
 const SIGMA_CELLS: f32 = 1.4;
+/// Most pieces of surface: their numbers have 16 bits.
+const N_SURFELS_MAX: usize = 65_000;
 /// A piece of surface is the mean of at most this many points: it may still move.
 const N_MEAN_MAX: f32 = 50.0;
-/// From this level on a bound is 255 wherever heat reaches: exact ones are not worth their time.
-const ROUGH_LEVEL: usize = 3;
+/// A point nearer than this to a piece of surface, cells, belongs to it.
+const SAME_CELLS: f32 = 0.6;
+/// The level whose blocks tell what is near: 8 cells.
+const NEAR_LEVEL: usize = 3;
 /// A point this near to a surface, metres, lies on it.
 const ON_SURFACE_M: f64 = 0.1;
-const NO_SURFEL: u32 = u32::MAX;
+const NO_SURFEL: u16 = u16::MAX;
 
 /// A piece of surface: the mean of what fell into one cell.
 #[derive(Clone, Copy, Debug)]
@@ -46,13 +50,20 @@ pub struct MatchMap {
     /// Columns and rows, multiples of [`CHUNK`].
     n_side: [i32; 2],
     heat: Vec<u8>,
-    nearest: Vec<u32>,
-    /// Whose surfel lies in the cell itself.
-    own: Vec<u32>,
-    levels: [Vec<u8>; N_LEVELS],
+    nearest: Vec<u16>,
+    levels: [Level; N_LEVELS],
     surfels: Vec<Surfel>,
     /// Heat by squared distance, in quarters of a cell squared.
     falloff: Vec<u8>,
+}
+
+/// One level of the pyramid.
+#[derive(Clone, Debug, Default)]
+struct Level {
+    /// Highest heat of each block.
+    blocks: Vec<u8>,
+    /// Highest heat of each block and its neighbours to the right, above, and both.
+    bounds: Vec<u8>,
 }
 
 /// The nearest surface to a point.
@@ -79,8 +90,7 @@ impl MatchMap {
             n_side: [0, 0],
             heat: Vec::new(),
             nearest: Vec::new(),
-            own: Vec::new(),
-            levels: std::array::from_fn(|_| Vec::new()),
+            levels: std::array::from_fn(|_| Level::default()),
             surfels: Vec::new(),
             falloff: falloff.collect(),
         }
@@ -130,55 +140,66 @@ impl MatchMap {
     fn insert_point(&mut self, point: &CloudPoint) {
         let cell = self.cell_at(point.at);
         let Some(idx) = self.index(cell[0], cell[1]) else { return };
-        if self.own[idx] != NO_SURFEL {
-            let surfel = &mut self.surfels[self.own[idx] as usize];
-            surfel.n = (surfel.n + 1.0).min(N_MEAN_MAX);
-            surfel.at += (point.at - surfel.at) / surfel.n;
-            // The other face of something thin keeps its own normal.
-            if surfel.normal.dot(&point.normal) >= 0.0 {
+        if let Some(surfel) = self.surfels.get_mut(usize::from(self.nearest[idx])) {
+            let is_same = (surfel.at - point.at).norm_squared() < (SAME_CELLS * self.cell_m).powi(2);
+            // The other face of something thin keeps its own place and normal.
+            if is_same && surfel.normal.dot(&point.normal) >= 0.0 {
+                surfel.n = (surfel.n + 1.0).min(N_MEAN_MAX);
+                surfel.at += (point.at - surfel.at) / surfel.n;
                 surfel.normal += point.normal;
             }
-            return;
+            // A piece of surface nearer to the cell's middle speaks for the cell.
+            if is_same || self.heat[idx] >= self.heat_at(point.at, cell) {
+                return;
+            }
         }
-        let surfel_idx = self.surfels.len() as u32;
-        self.surfels.push(Surfel { at: point.at, normal: point.normal, n: 1.0 });
-        self.own[idx] = surfel_idx;
-        self.stamp(surfel_idx, point.at, cell);
+        if self.surfels.len() < N_SURFELS_MAX {
+            let surfel_idx = self.surfels.len() as u16;
+            self.surfels.push(Surfel { at: point.at, normal: point.normal, n: 1.0 });
+            self.stamp(surfel_idx, point.at, cell);
+        }
+    }
+
+    /// Heat of a cell's middle by a point.
+    #[inline]
+    fn heat_at(&self, at: Point2<f32>, cell: [i32; 2]) -> u8 {
+        let inverse = 1.0 / self.cell_m;
+        let dx = cell[0] as f32 + 0.5 - at.x * inverse;
+        let dy = cell[1] as f32 + 0.5 - at.y * inverse;
+        self.falloff.get(((dx * dx + dy * dy) * 4.0) as usize).copied().unwrap_or(0)
     }
 
     /// Tells the cells around a new surfel of it. The grid has room around every cell that was grown to.
-    fn stamp(&mut self, surfel_idx: u32, at: Point2<f32>, cell: [i32; 2]) {
-        let in_cells = at / self.cell_m;
+    fn stamp(&mut self, surfel_idx: u16, at: Point2<f32>, cell: [i32; 2]) {
         for row in cell[1] - REACH..=cell[1] + REACH {
             for col in cell[0] - REACH..=cell[0] + REACH {
                 let Some(idx) = self.index(col, row) else { continue };
-                let (dx, dy) = (col as f32 + 0.5 - in_cells.x, row as f32 + 0.5 - in_cells.y);
-                let heat = self.falloff[((dx * dx + dy * dy) * 4.0) as usize];
+                let heat = self.heat_at(at, [col, row]);
                 if heat > self.heat[idx] {
                     self.heat[idx] = heat;
                     self.nearest[idx] = surfel_idx;
-                    for level in 1..ROUGH_LEVEL {
-                        self.raise(level, [col, row], [col, row], heat);
-                    }
+                    self.raise([col - self.origin[0], row - self.origin[1]], heat);
                 }
             }
         }
-        for level in ROUGH_LEVEL..=N_LEVELS {
-            self.raise(level, cell.map(|c| c - REACH), cell.map(|c| c + REACH), u8::MAX);
-        }
     }
 
-    /// Raises the bounds of every block of a level that covers any of the cells from `low` to `high`.
-    fn raise(&mut self, level: usize, low: [i32; 2], high: [i32; 2], heat: u8) {
-        let n = self.n_side.map(|n| n >> level);
-        let first = |axis: usize| (((low[axis] - self.origin[axis]) >> level) - 1).max(0);
-        let last = |axis: usize| ((high[axis] - self.origin[axis]) >> level).min(n[axis] - 1);
-        let (cols, rows) = (first(0)..=last(0), first(1)..=last(1));
-        let bounds = &mut self.levels[level - 1];
-        for row in rows {
-            for col in cols.clone() {
-                let bound = &mut bounds[(row * n[0] + col) as usize];
-                *bound = (*bound).max(heat);
+    /// Raises the pyramid over a cell (counted from the grid's corner).
+    fn raise(&mut self, cell: [i32; 2], heat: u8) {
+        for (above, level) in self.levels.iter_mut().enumerate() {
+            let [col, row] = cell.map(|c| (c >> (above + 1)) as usize);
+            let n_cols = (self.n_side[0] >> (above + 1)) as usize;
+            let block = &mut level.blocks[row * n_cols + col];
+            if *block >= heat {
+                // Blocks nest: all above hold no less.
+                return;
+            }
+            *block = heat;
+            for row in row.saturating_sub(1)..=row {
+                for col in col.saturating_sub(1)..=col {
+                    let bound = &mut level.bounds[row * n_cols + col];
+                    *bound = (*bound).max(heat);
+                }
             }
         }
     }
@@ -198,7 +219,7 @@ impl MatchMap {
 
     /// The grid of bounds of a level; level 0 is the heat itself.
     pub(super) fn bounds(&self, level: usize) -> Bounds<'_> {
-        let values = if level == 0 { &self.heat } else { &self.levels[level - 1] };
+        let values = if level == 0 { &self.heat } else { &self.levels[level - 1].bounds };
         Bounds {
             values,
             origin: self.origin,
@@ -212,7 +233,7 @@ impl MatchMap {
     pub(super) fn nearest(&self, at: Point2<f32>) -> Option<Nearest> {
         let cell = self.cell_at(at);
         let surfel_idx = self.nearest[self.index(cell[0], cell[1])?];
-        let surfel = self.surfels.get(surfel_idx as usize)?;
+        let surfel = self.surfels.get(usize::from(surfel_idx))?;
         Some(Nearest { at: surfel.at, normal: unit(surfel.normal) })
     }
 
@@ -235,13 +256,13 @@ impl MatchMap {
         }
         let reach = (near_m as f32 / self.cell_m) as i32;
         let cell = self.cell_at(at);
-        let level = ROUGH_LEVEL;
+        let level = NEAR_LEVEL;
         let n = self.n_side.map(|n| n >> level);
         let block = |axis: usize, off: i32| (cell[axis] + off - self.origin[axis]) >> level;
         (block(1, -reach)..=block(1, reach)).any(|row| {
             (block(0, -reach)..=block(0, reach)).any(|col| {
                 let inside = col >= 0 && row >= 0 && col < n[0] && row < n[1];
-                inside && self.levels[level - 1][(row * n[0] + col) as usize] > 0
+                inside && self.levels[level - 1].blocks[(row * n[0] + col) as usize] > 0
             })
         })
     }
@@ -267,37 +288,26 @@ impl MatchMap {
         let moved = Move { from: self.n_side, to: n_side, off };
         self.heat = moved.apply(&self.heat, 0, 0);
         self.nearest = moved.apply(&self.nearest, NO_SURFEL, 0);
-        self.own = moved.apply(&self.own, NO_SURFEL, 0);
-        for (idx, level) in self.levels.iter_mut().enumerate() {
-            *level = moved.apply(level, 0, idx + 1);
-        }
         (self.origin, self.n_side) = (origin, n_side);
-        // Blocks left and below of the old grid have it for a neighbour now.
-        if !is_empty && off != [0, 0] {
-            self.raise_along_old_edge(off, moved.from);
+        for (idx, level) in self.levels.iter_mut().enumerate() {
+            level.blocks = moved.apply(&level.blocks, 0, idx + 1);
+            level.bounds = bounds_of(&level.blocks, (n_side[0] >> (idx + 1)) as usize);
         }
     }
+}
 
-    /// Lets the blocks just outside the old grid's low edges cover what lies inside.
-    fn raise_along_old_edge(&mut self, off: [i32; 2], n_old: [i32; 2]) {
-        for level in 1..=N_LEVELS {
-            let n = self.n_side.map(|n| n >> level);
-            let low = off.map(|o| o >> level);
-            let n_old = n_old.map(|n| n >> level);
-            let bounds = &mut self.levels[level - 1];
-            // What is inside is not told apart here: a bound too high costs time, one too low a match.
-            if low[0] > 0 {
-                for row in (low[1] - 1).max(0)..low[1] + n_old[1] {
-                    bounds[(row * n[0] + low[0] - 1) as usize] = u8::MAX;
-                }
-            }
-            if low[1] > 0 {
-                for col in (low[0] - 1).max(0)..low[0] + n_old[0] {
-                    bounds[((low[1] - 1) * n[0] + col) as usize] = u8::MAX;
-                }
-            }
+/// The highest of each block and its neighbours to the right, above, and both.
+fn bounds_of(blocks: &[u8], n_cols: usize) -> Vec<u8> {
+    let mut bounds = blocks.to_vec();
+    for row in bounds.chunks_exact_mut(n_cols.max(1)) {
+        for col in 1..n_cols {
+            row[col - 1] = row[col - 1].max(row[col]);
         }
     }
+    for idx in n_cols..bounds.len() {
+        bounds[idx - n_cols] = bounds[idx - n_cols].max(bounds[idx]);
+    }
+    bounds
 }
 
 /// One level, to be looked up.
@@ -313,13 +323,17 @@ impl Bounds<'_> {
     /// Sum of bounds over cells that are all shifted by `off`.
     #[inline]
     pub(super) fn sum(&self, cells: &[[i32; 2]], off: [i32; 2]) -> u32 {
-        let (dx, dy) = (off[0] - self.origin[0], off[1] - self.origin[1]);
-        let mut sum = 0;
+        let (dx, dy) = (off[0].wrapping_sub(self.origin[0]), off[1].wrapping_sub(self.origin[1]));
+        let [n_cols, n_rows] = self.n_side;
+        let mut sum = 0_u32;
         for &[x, y] in cells {
-            // Negative positions become huge.
-            let (col, row) = (((x + dx) >> self.level) as u32, ((y + dy) >> self.level) as u32);
-            if col < self.n_side[0] && row < self.n_side[1] {
-                sum += u32::from(self.values[(row * self.n_side[0] + col) as usize]);
+            // Negative positions become huge. Wrapping: nothing here comes near an integer's end, and checks
+            // would cost as much as the sum.
+            let (col, row) =
+                ((x.wrapping_add(dx) >> self.level) as u32, (y.wrapping_add(dy) >> self.level) as u32);
+            if col < n_cols && row < n_rows {
+                let idx = row.wrapping_mul(n_cols).wrapping_add(col) as usize;
+                sum = sum.wrapping_add(self.values.get(idx).map_or(0, |v| u32::from(*v)));
             }
         }
         sum

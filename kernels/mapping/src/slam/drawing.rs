@@ -7,7 +7,7 @@ use crate::base_map::{BaseMapConfig, BaseMapError, BaseMapper, Scan};
 use crate::scan_match::Cloud;
 
 /// So many kept scans are drawn anew with each new one: a scan takes a tenth of a millisecond or two.
-const N_AT_ONCE: usize = 3;
+const N_AT_ONCE: usize = 2;
 /// Most scans kept, some 30 MB; beyond, every second one is let go.
 const N_KEPT_MAX: usize = 20_000;
 
@@ -61,11 +61,13 @@ pub(super) struct Drawing {
     mapper: BaseMapper,
     /// A map that is being drawn anew, and how many kept scans are in it.
     coming: Option<(BaseMapper, usize)>,
+    /// The poses have changed since it was begun: another one must follow.
+    is_coming_old: bool,
 }
 
 impl Drawing {
     pub(super) fn new(config: BaseMapConfig, base_from_lidar: Pose2, mapper: BaseMapper) -> Self {
-        Drawing { config, base_from_lidar, kept: Vec::new(), mapper, coming: None }
+        Drawing { config, base_from_lidar, kept: Vec::new(), mapper, coming: None, is_coming_old: false }
     }
 
     pub(super) fn mapper(&self) -> &BaseMapper {
@@ -82,7 +84,7 @@ impl Drawing {
                 is_odd
             });
             // Its count means nothing any more.
-            if self.coming.is_some() {
+            if self.coming.take().is_some() {
                 self.draw_anew();
             }
         }
@@ -97,7 +99,13 @@ impl Drawing {
     }
 
     /// The poses have changed: a new map is begun, and takes the old one's place when it is complete.
+    /// One that is being drawn is finished first: a map that is a little off is better than an old one.
     pub(super) fn draw_anew(&mut self) {
+        if self.coming.is_some() {
+            self.is_coming_old = true;
+            return;
+        }
+        self.is_coming_old = false;
         let Ok(empty) = BaseMapper::new(self.config, self.mapper.layout().origin) else { return };
         self.coming = Some((empty, 0));
     }
@@ -111,6 +119,9 @@ impl Drawing {
         }
         if until == self.kept.len() {
             self.mapper = mapper;
+            if self.is_coming_old {
+                self.draw_anew();
+            }
         } else {
             self.coming = Some((mapper, until));
         }

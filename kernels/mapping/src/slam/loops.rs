@@ -14,7 +14,7 @@ use crate::scan_match::{self, Cloud, Prior, Window};
 /// Sub-maps this near in order share scans or their neighbours do; there is nothing to learn.
 const N_NEIGHBOURS: usize = 2;
 /// At most so many older ones are looked into for each finished one, the nearest first.
-const N_CANDIDATES_MAX: usize = 5;
+const N_CANDIDATES_MAX: usize = 2;
 /// Most points that a sub-map is looked for with.
 const N_POINTS_MAX: usize = 500;
 /// How far the pose may have drifted since the last loop: for each metre of the way, and at most.
@@ -26,6 +26,8 @@ const DRIFT_MAX_M: f64 = 6.0;
 const DRIFT_MAX_RAD: f64 = 0.7;
 /// Share of points within the overlap that must lie on the other's surfaces.
 const SHARE_MIN: f64 = 0.65;
+/// A point this near to a surface, metres, lies within the overlap.
+const OVERLAP_M: f64 = 0.5;
 /// The overlap must hold at least this share of the points: corners that look alike are everywhere.
 const OVERLAP_MIN: f64 = 0.35;
 
@@ -83,34 +85,26 @@ impl Loops {
             return None;
         }
         // Both ways: what the old one shows where the new one looked must be in the new one too.
-        let there = share_in_overlap(&old_map, &cloud, found.map_from_scan, old);
+        let there = share_in_overlap(&old_map, &cloud, found.map_from_scan);
         let back_map = new.rebuilt();
         let old_cloud = old.cloud().thinned(N_POINTS_MAX);
-        let back = share_in_overlap(&back_map, &old_cloud, found.map_from_scan.inverse(), new);
+        let back = share_in_overlap(&back_map, &old_cloud, found.map_from_scan.inverse());
         let is_sure = there.is_some_and(|s| s >= SHARE_MIN) && back.is_some_and(|s| s >= SHARE_MIN);
         is_sure.then_some(Constraint::of_match(older, finished, &found))
     }
 
-    /// The poses have settled after a loop.
-    pub(super) fn settled(&mut self, submaps: &[Submap]) {
+    /// A loop was closed.
+    pub(super) fn closed(&mut self, submaps: &[Submap]) {
         self.closed_at_m = submaps.last().map_or(0.0, |s| s.begun_at_m);
     }
 }
 
-/// Share of a cloud's points on surfaces of a map, among those within what the map's own scans reached around;
-/// `None` when too few are.
-fn share_in_overlap(
-    map: &scan_match::MatchMap,
-    cloud: &Cloud,
-    map_from_cloud: Pose2,
-    holder: &Submap,
-) -> Option<f64> {
-    let near_m = 0.5;
+/// Share of a cloud's points on surfaces of a map, among those that have any of it near; `None` when too few do.
+fn share_in_overlap(map: &scan_match::MatchMap, cloud: &Cloud, map_from_cloud: Pose2) -> Option<f64> {
     let (mut n_overlap, mut n_on_surface) = (0, 0);
-    let _ = holder;
     for point in cloud.points() {
         let at = map_from_cloud.transform(point.at.cast::<f64>());
-        if map.is_near_surface(at, near_m) {
+        if map.is_near_surface(at, OVERLAP_M) {
             n_overlap += 1;
             n_on_surface += usize::from(map.is_on_surface(at));
         }

@@ -52,7 +52,8 @@ pub struct Foreseen {
     pub shift_m: f64,
     /// Standard deviation of the heading, radians.
     pub turn_rad: f64,
-    is_odometry: bool,
+    /// Odometry said so.
+    pub(super) is_odometry: bool,
 }
 
 impl Foreseen {

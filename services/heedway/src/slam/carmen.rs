@@ -210,9 +210,8 @@ fn lay_out_beams(scans: &mut [&mut LaserScan], fov_deg: Option<f64>) {
     }
     for scan in scans {
         let n = scan.ranges_m.len();
-        let is_closed = closed.get(&n).is_some_and(|(n_closed, n_all)| {
-            *n_closed as f64 > CLOSED_SCANS * *n_all as f64
-        });
+        let is_closed =
+            closed.get(&n).is_some_and(|(n_closed, n_all)| *n_closed as f64 > CLOSED_SCANS * *n_all as f64);
         let fov_rad = fov_deg.map_or(if is_closed { TAU } else { PI }, f64::to_radians);
         // 181 or 361 beams reach both ends; of 180 or 360 the last is one step short.
         let n_steps = if n % 2 == 1 { n - 1 } else { n };
