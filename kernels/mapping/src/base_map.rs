@@ -96,8 +96,9 @@ pub enum BaseMapError {
     Grid(#[from] GridError),
 }
 
-/// Cells by which a map grows at least: growing copies it.
+/// Cells by which a map grows at least, and share of its side: growing copies it.
 const GROWTH_CELLS: f64 = 64.0;
+const GROWTH_SHARE: f64 = 0.2;
 /// Log-odds beyond which a cell is decided.
 const DECIDED: f32 = 0.1;
 
@@ -125,6 +126,18 @@ impl BaseMapper {
             counted: Grid::filled(layout, 0),
             n_scans: 0,
         })
+    }
+
+    /// An unknown map with the configuration and the room of this one.
+    #[must_use]
+    pub fn blank(&self) -> Self {
+        let layout = *self.layout();
+        BaseMapper {
+            config: self.config,
+            log_odds: Grid::filled(layout, 0.0),
+            counted: Grid::filled(layout, 0),
+            n_scans: 0,
+        }
     }
 
     /// Where the map lies at present.
@@ -235,14 +248,15 @@ impl BaseMapper {
     /// Frees the cells that a beam passes, once a scan, but for cells hit in this scan.
     fn count_free(&mut self, from: Point2, to: Point2) {
         let mark = 2 * self.n_scans;
-        let layout = *self.layout();
+        let line = Traversal::new(self.layout(), from, to);
         let (free, floor) = (self.config.free, -self.config.log_odds_max);
-        for cell in Traversal::new(&layout, from, to) {
-            let idx = layout.index(cell);
+        let (counted, log_odds) = (self.counted.values_mut(), self.log_odds.values_mut());
+        for idx in line {
             // Counted as free already, or (one more) hit.
-            if self.counted.values()[idx] < mark {
-                self.counted.values_mut()[idx] = mark;
-                let value = &mut self.log_odds.values_mut()[idx];
+            if let (Some(counted), Some(value)) = (counted.get_mut(idx), log_odds.get_mut(idx))
+                && *counted < mark
+            {
+                *counted = mark;
                 *value = (*value - free).max(floor);
             }
         }
@@ -257,8 +271,10 @@ impl BaseMapper {
             return Ok(());
         }
         // Whole chunks of cells, counted from the old origin, so that cells stay where they are.
-        let chunk_m = GROWTH_CELLS * old.resolution_m;
-        let chunks = |over_m: f64| ((over_m / chunk_m).ceil().max(0.0) * GROWTH_CELLS) as usize;
+        let longest = old.shape.n_cols.max(old.shape.n_rows) as f64;
+        let chunk = GROWTH_CELLS * (GROWTH_SHARE * longest / GROWTH_CELLS).ceil();
+        let chunk_m = chunk * old.resolution_m;
+        let chunks = |over_m: f64| ((over_m / chunk_m).ceil().max(0.0) * chunk) as usize;
         let before = [chunks(near.x - low.x), chunks(near.y - low.y)];
         let after = [chunks(high.x - far.x), chunks(high.y - far.y)];
         let shape = Shape {

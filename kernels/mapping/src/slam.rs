@@ -46,6 +46,8 @@ const WIDE_TURN_RAD: f64 = 0.6;
 /// A map that moved under the robot by more than this fits no more with what was built on it: metres, radians.
 const JUMP_M: f64 = 0.3;
 const JUMP_RAD: f64 = 0.1;
+/// Every how many-th scan a loop is looked for, if any waits: it takes as long as many scans.
+const LOOP_PERIOD: u64 = 3;
 /// A sub-map with more pieces of surface than this is full.
 const N_SURFELS_MAX: usize = 20_000;
 
@@ -146,7 +148,7 @@ impl Slam {
             way_m: 0.0,
             graph: Graph::default(),
             loops: Loops::default(),
-            drawing: Drawing::new(config.base_map, config.base_from_lidar, mapper),
+            drawing: Drawing::new(config.base_from_lidar, mapper),
             config,
             n_scans: 0,
         })
@@ -162,7 +164,7 @@ impl Slam {
         let last_from_now = last_from_now.filter(Pose2::is_finite);
         self.n_scans += 1;
         let cloud = Cloud::of_scan(scan, self.config.base_from_lidar, self.config.range_used_m);
-        let foreseen = self.motion.foresee(last_from_now);
+        let foreseen = self.motion.foresee(last_from_now).after_misses(self.judge.n_bad());
         let mut has_jumped = false;
         let found = if self.last_keyframe.is_none() {
             // The very first scan: nothing to compare with.
@@ -177,6 +179,8 @@ impl Slam {
         let is_fit = self.last_keyframe.is_none() || has_jumped || found.is_some();
         if is_fit && self.judge.standing() == Standing::Good {
             self.keep(scan, &cloud)?;
+        }
+        if self.judge.standing() == Standing::Good && self.n_scans.is_multiple_of(LOOP_PERIOD) {
             let gap = self.close_a_loop();
             has_jumped |= gap.position().coords.norm() > JUMP_M || gap.yaw_rad.abs() > JUMP_RAD;
         }
@@ -267,7 +271,11 @@ impl Slam {
         let agreement = Agreement::of(cloud, map, pose, self.drawing.mapper(), map_from_base);
         self.judge.hear(&agreement);
         if !agreement.is_good() {
-            self.advance(prior.map_from_scan);
+            // Going on as before is a guess that gets worse with each scan; odometry is none.
+            if foreseen.is_odometry {
+                self.advance(prior.map_from_scan);
+            }
+            self.motion.forget();
             return None;
         }
         self.motion.learn(&last, &pose, foreseen);
@@ -354,9 +362,10 @@ fn find_in_wider_windows(
     if near.inlier_share >= SHARE_WIDEN {
         return Some(near);
     }
+    let widest = foreseen.widest();
     let wider = Window {
-        shift_m: (window.shift_m * WIDER).clamp(WIDE_SHIFT_M, motion::SHIFT_MAX_M),
-        turn_rad: (window.turn_rad * WIDER).clamp(WIDE_TURN_RAD, motion::TURN_MAX_RAD),
+        shift_m: (window.shift_m * WIDER).clamp(WIDE_SHIFT_M, widest.shift_m),
+        turn_rad: (window.turn_rad * WIDER).clamp(WIDE_TURN_RAD, widest.turn_rad),
     };
     if wider.shift_m <= window.shift_m && wider.turn_rad <= window.turn_rad {
         return Some(near);

@@ -25,6 +25,8 @@ pub(crate) mod evaluation;
 const RANGE_MIN_M: f64 = 0.05;
 /// At most so many bad lines are named one by one.
 const N_NAMED_MAX: usize = 10;
+/// Without odometry so many scans in a row that do not fit mean that nothing ties what follows to what was.
+const N_MISSES_MAX: u32 = 3;
 /// Odometry cannot be right beyond this between two scans, metres: the log was cut or reset.
 const LEAP_MAX_M: f64 = 20.0;
 /// What a map is expected to keep over a length of way: metres of way, metres, degrees.
@@ -89,6 +91,7 @@ struct Mapped {
     last_odometry: Option<Pose2>,
     base_from_laser: Option<Pose2>,
     n_uncertain: usize,
+    n_misses: u32,
     n_lost: usize,
     n_bad: usize,
     n_refused: usize,
@@ -104,6 +107,7 @@ impl Mapped {
             last_odometry: None,
             base_from_laser: None,
             n_uncertain: 0,
+            n_misses: 0,
             n_lost: 0,
             n_bad: 0,
             n_refused: 0,
@@ -128,8 +132,11 @@ impl Mapped {
             Ok(located) => {
                 self.n_uncertain += usize::from(located.standing == Standing::Uncertain);
                 self.anchors.push(Some(located.anchor));
-                if located.standing == Standing::Lost {
+                self.n_misses = if located.standing == Standing::Good { 0 } else { self.n_misses + 1 };
+                let is_guess = last_from_now.is_none() && self.n_misses >= N_MISSES_MAX;
+                if located.standing == Standing::Lost || is_guess {
                     self.n_lost += 1;
+                    self.n_misses = 0;
                     // Nobody is there to drive it back: what follows is mapped on its own.
                     self.slam.begin_anew();
                 }

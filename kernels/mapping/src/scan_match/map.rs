@@ -19,6 +19,7 @@ const CHUNK: i32 = 128;
 const N_SIDE_MAX: usize = 8192;
 /// Heat reaches this many cells.
 const REACH: i32 = 3;
+const N_STAMP: usize = 2 * REACH as usize + 1;
 /// Standard deviation of the heat, cells.
 const SIGMA_CELLS: f32 = 1.4;
 /// Most pieces of surface: their numbers have 16 bits.
@@ -171,13 +172,20 @@ impl MatchMap {
 
     /// Tells the cells around a new surfel of it. The grid has room around every cell that was grown to.
     fn stamp(&mut self, surfel_idx: u16, at: Point2<f32>, cell: [i32; 2]) {
-        for row in cell[1] - REACH..=cell[1] + REACH {
-            for col in cell[0] - REACH..=cell[0] + REACH {
-                let Some(idx) = self.index(col, row) else { continue };
-                let heat = self.heat_at(at, [col, row]);
+        let inverse = 1.0 / self.cell_m;
+        let (x, y) = (at.x * inverse - 0.5, at.y * inverse - 0.5);
+        let (first_col, first_row) = (cell[0] - REACH, cell[1] - REACH);
+        let Some(corner) = self.index(first_col, first_row) else { return };
+        for above in 0..N_STAMP {
+            let dy = (first_row + above as i32) as f32 - y;
+            for beside in 0..N_STAMP {
+                let dx = (first_col + beside as i32) as f32 - x;
+                let idx = corner + above * self.n_side[0] as usize + beside;
+                let heat = self.falloff.get(((dx * dx + dy * dy) * 4.0) as usize).copied().unwrap_or(0);
                 if heat > self.heat[idx] {
                     self.heat[idx] = heat;
                     self.nearest[idx] = surfel_idx;
+                    let (col, row) = (first_col + beside as i32, first_row + above as i32);
                     self.raise([col - self.origin[0], row - self.origin[1]], heat);
                 }
             }

@@ -81,6 +81,11 @@ impl Judge {
         }
     }
 
+    /// Scans in a row that did not fit.
+    pub(super) fn n_bad(&self) -> u32 {
+        self.n_bad
+    }
+
     pub(super) fn hear(&mut self, agreement: &Agreement) {
         self.n_bad = if agreement.is_good() { 0 } else { self.n_bad.saturating_add(1) };
     }

@@ -3,7 +3,7 @@
 use geometry::Pose2;
 
 use super::submap::Submap;
-use crate::base_map::{BaseMapConfig, BaseMapError, BaseMapper, Scan};
+use crate::base_map::{BaseMapError, BaseMapper, Scan};
 use crate::scan_match::Cloud;
 
 /// So many kept scans are drawn anew with each new one: a scan takes a tenth of a millisecond or two.
@@ -55,7 +55,6 @@ impl Keyframe {
 
 /// The base map and what it is drawn from.
 pub(super) struct Drawing {
-    config: BaseMapConfig,
     base_from_lidar: Pose2,
     kept: Vec<Keyframe>,
     mapper: BaseMapper,
@@ -66,8 +65,8 @@ pub(super) struct Drawing {
 }
 
 impl Drawing {
-    pub(super) fn new(config: BaseMapConfig, base_from_lidar: Pose2, mapper: BaseMapper) -> Self {
-        Drawing { config, base_from_lidar, kept: Vec::new(), mapper, coming: None, is_coming_old: false }
+    pub(super) fn new(base_from_lidar: Pose2, mapper: BaseMapper) -> Self {
+        Drawing { base_from_lidar, kept: Vec::new(), mapper, coming: None, is_coming_old: false }
     }
 
     pub(super) fn mapper(&self) -> &BaseMapper {
@@ -106,8 +105,7 @@ impl Drawing {
             return;
         }
         self.is_coming_old = false;
-        let Ok(empty) = BaseMapper::new(self.config, self.mapper.layout().origin) else { return };
-        self.coming = Some((empty, 0));
+        self.coming = Some((self.mapper.blank(), 0));
     }
 
     /// Draws a few more scans of a map that is being drawn anew.

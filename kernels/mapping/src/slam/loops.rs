@@ -17,6 +17,8 @@ const N_NEIGHBOURS: usize = 2;
 const N_CANDIDATES_MAX: usize = 2;
 /// Most points that a sub-map is looked for with.
 const N_POINTS_MAX: usize = 500;
+/// Most pieces of surface of a sub-map that is looked into.
+const N_REBUILT_MAX: usize = 1500;
 /// How far the pose may have drifted since the last loop: for each metre of the way, and at most.
 const DRIFT_M_M: f64 = 0.03;
 const DRIFT_RAD_M: f64 = 0.01;
@@ -79,14 +81,14 @@ impl Loops {
         let guess = old.map_from_submap.inverse() * new.map_from_submap;
         let prior = Prior { map_from_scan: guess, shift_m: window.shift_m, turn_rad: window.turn_rad };
         let cloud = new.cloud().thinned(N_POINTS_MAX);
-        let old_map = old.rebuilt();
+        let old_map = old.rebuilt(N_REBUILT_MAX);
         let found = scan_match::find(&old_map, &cloud, &prior, window)?;
         if found.inlier_share < OVERLAP_MIN * SHARE_MIN {
             return None;
         }
         // Both ways: what the old one shows where the new one looked must be in the new one too.
         let there = share_in_overlap(&old_map, &cloud, found.map_from_scan);
-        let back_map = new.rebuilt();
+        let back_map = new.rebuilt(N_REBUILT_MAX);
         let old_cloud = old.cloud().thinned(N_POINTS_MAX);
         let back = share_in_overlap(&back_map, &old_cloud, found.map_from_scan.inverse());
         let is_sure = there.is_some_and(|s| s >= SHARE_MIN) && back.is_some_and(|s| s >= SHARE_MIN);

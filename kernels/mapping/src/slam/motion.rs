@@ -9,8 +9,8 @@ use geometry::Pose2;
 use crate::scan_match::Window;
 
 /// Windows reach this far at most, metres and radians.
-pub(super) const SHIFT_MAX_M: f64 = 2.5;
-pub(super) const TURN_MAX_RAD: f64 = 1.75;
+const SHIFT_MAX_M: f64 = 2.5;
+const TURN_MAX_RAD: f64 = 1.75;
 /// Windows reach so many deviations, ...
 const N_DEVIATIONS: f64 = 3.0;
 /// ... and at least this far.
@@ -18,8 +18,16 @@ const SHIFT_MIN_M: f64 = 0.15;
 const TURN_MIN_RAD: f64 = 0.06;
 /// Weight of the newest error.
 const NEWEST: f64 = 0.3;
+/// More scans that did not fit widen a window no further.
+const N_MISSES_MAX: u32 = 2;
+/// Against odometry, windows reach this far at most.
+const SHIFT_ODOMETRY_MAX_M: f64 = 1.2;
+const TURN_ODOMETRY_MAX_RAD: f64 = 0.7;
 /// Most that errors beyond the configured ones widen a window.
 const SURPRISE_MAX: f64 = 10.0;
+
+/// When nothing is known of the motion, it is looked for widely.
+const UNKNOWN: Errors = Errors { shift_m: 0.6, turn_rad: 0.5 };
 
 /// How far odometry may be off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,12 +65,30 @@ pub struct Foreseen {
 }
 
 impl Foreseen {
+    /// The same after so many scans in a row that did not fit: their errors add up.
+    #[must_use]
+    pub(super) fn after_misses(self, n: u32) -> Self {
+        let more = 1.0 + f64::from(n.min(N_MISSES_MAX));
+        Foreseen { shift_m: self.shift_m * more, turn_rad: self.turn_rad * more, ..self }
+    }
+
     /// Where to look.
     #[must_use]
     pub fn window(&self) -> Window {
+        let largest = self.widest();
         Window {
-            shift_m: (N_DEVIATIONS * self.shift_m).clamp(SHIFT_MIN_M, SHIFT_MAX_M),
-            turn_rad: (N_DEVIATIONS * self.turn_rad).clamp(TURN_MIN_RAD, TURN_MAX_RAD),
+            shift_m: (N_DEVIATIONS * self.shift_m).clamp(SHIFT_MIN_M, largest.shift_m),
+            turn_rad: (N_DEVIATIONS * self.turn_rad).clamp(TURN_MIN_RAD, largest.turn_rad),
+        }
+    }
+
+    /// The largest window there is.
+    #[must_use]
+    pub(super) fn widest(&self) -> Window {
+        if self.is_odometry {
+            Window { shift_m: SHIFT_ODOMETRY_MAX_M, turn_rad: TURN_ODOMETRY_MAX_RAD }
+        } else {
+            Window { shift_m: SHIFT_MAX_M, turn_rad: TURN_MAX_RAD }
         }
     }
 }
@@ -103,9 +129,7 @@ impl MotionModel {
     /// A model of a robot at rest.
     #[must_use]
     pub fn new(config: MotionConfig) -> Self {
-        // Nothing is known: looked for widely.
-        let unknown = Errors { shift_m: 0.5, turn_rad: 0.5 };
-        MotionModel { config, last: Pose2::IDENTITY, going_on: unknown, standing: unknown, surprise: 1.0 }
+        MotionModel { config, last: Pose2::IDENTITY, going_on: UNKNOWN, standing: UNKNOWN, surprise: 1.0 }
     }
 
     /// What to expect, by odometry's motion since the last scan if there is any.
@@ -130,6 +154,13 @@ impl MotionModel {
             turn_rad: turn_rad + errors.turn_rad,
             is_odometry: false,
         }
+    }
+
+    /// The last scan told nothing: without odometry, the next one may be anywhere around.
+    pub fn forget(&mut self) {
+        self.last = Pose2::IDENTITY;
+        self.going_on = UNKNOWN;
+        self.standing = UNKNOWN;
     }
 
     /// Learns where the robot really went, from poses in one frame.

@@ -12,6 +12,8 @@ use crate::scan_match::{self, Cloud, Prior, Window};
 const SHARE_MIN: f64 = 0.75;
 /// With fewer points no place is told from another.
 const N_POINTS_MIN: usize = 40;
+/// Most pieces of surface of a sub-map that is looked into.
+const N_REBUILT_MAX: usize = 5000;
 /// Farthest from a sub-map's middle that is looked, metres: bounds the time.
 const SHIFT_MAX_M: f64 = 20.0;
 
@@ -29,7 +31,7 @@ impl Slam {
         let map = match submap.map() {
             Some(map) => map,
             None => {
-                rebuilt = submap.rebuilt();
+                rebuilt = submap.rebuilt(N_REBUILT_MAX);
                 &rebuilt
             }
         };

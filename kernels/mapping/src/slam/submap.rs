@@ -71,10 +71,10 @@ impl Submap {
         &self.cloud
     }
 
-    /// A finished one, made ready to be matched against.
-    pub(super) fn rebuilt(&self) -> MatchMap {
+    /// A finished one, made ready to be matched against, with at most so many pieces of surface.
+    pub(super) fn rebuilt(&self, n_max: usize) -> MatchMap {
         let mut map = MatchMap::new(self.cell_m);
-        map.insert(&self.cloud, Pose2::IDENTITY);
+        map.insert(&self.cloud.thinned(n_max), Pose2::IDENTITY);
         map
     }
 
