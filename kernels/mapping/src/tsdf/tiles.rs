@@ -16,6 +16,9 @@ const SIDE_VOXELS: f64 = 1.5;
 /// A pixel lies on its tile's plane when its depth is within this share of the plane's.
 const ON_PLANE: f32 = 0.015;
 
+/// So many pixels beside a tile must lie on its plane too: mask and depth are off by that much at edges.
+const BESIDE: usize = 2;
+
 /// One tile.
 #[derive(Clone, Copy)]
 pub(super) struct Tile {
@@ -112,11 +115,15 @@ impl Tiles {
     }
 }
 
-/// Whether a tile's four corners lie in the mask and on its plane: no edge passes through it.
+/// Whether a tile's corners and what lies just beside it are in the mask and on its plane: no edge is near.
 fn is_flat(trusted: &TrustedDepth<'_>, tile: &Tile, low: [usize; 2], side: usize) -> bool {
     let (cols, rows) = trusted.bounds();
-    [(0, 0), (side - 1, 0), (0, side - 1), (side - 1, side - 1)].into_iter().all(|(off_col, off_row)| {
-        let (col, row) = (low[0] + off_col, low[1] + off_row);
+    let (last, half) = (side - 1, side / 2);
+    let beside = [(0, half + BESIDE), (last + 2 * BESIDE, half + BESIDE)];
+    let above = beside.map(|(col, row)| (row, col));
+    let corners = [(0, 0), (last, 0), (0, last), (last, last)].map(|(c, r)| (c + BESIDE, r + BESIDE));
+    corners.into_iter().chain(beside).chain(above).all(|(off_col, off_row)| {
+        let (col, row) = ((low[0] + off_col).wrapping_sub(BESIDE), (low[1] + off_row).wrapping_sub(BESIDE));
         cols.contains(&col)
             && rows.contains(&row)
             && trusted.masked_m(col, row).is_some_and(|depth_m| tile.holds(col as i32, row as i32, depth_m))

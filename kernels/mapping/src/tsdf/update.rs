@@ -18,7 +18,7 @@ const NEAR_M: f32 = 0.05;
 const COSINE_FACING: f32 = 0.9;
 
 /// A voxel looks closely at a pixel on no tile's plane within this many truncations.
-const EDGE_BAND: f32 = 2.0;
+const EDGE_BAND: f32 = 4.0;
 
 /// Finds planes in a depth image.
 pub(super) struct Planes<'a> {
