@@ -17,6 +17,7 @@ pub mod field;
 pub mod floor_area;
 pub mod grid;
 pub mod image;
+pub mod localise;
 pub mod map_file;
 pub mod morphology;
 pub mod obstacle_layer;

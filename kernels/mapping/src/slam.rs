@@ -27,7 +27,7 @@ mod submap;
 pub use agreement::Standing;
 pub use motion::{MotionConfig, MotionModel};
 
-use agreement::{Agreement, Judge};
+pub(crate) use agreement::{Agreement, Judge};
 use drawing::{Drawing, Keyframe};
 use graph::Graph;
 use loops::Loops;
@@ -46,6 +46,8 @@ const WIDE_TURN_RAD: f64 = 0.6;
 /// A map that moved under the robot by more than this fits no more with what was built on it: metres, radians.
 const JUMP_M: f64 = 0.3;
 const JUMP_RAD: f64 = 0.1;
+/// Log-odds below which a cell of the base map is surely free: three beams passed.
+const FREE_LOG_ODDS: f32 = -1.0;
 /// Every how many-th scan a loop is looked for, if any waits: it takes as long as many scans.
 const LOOP_PERIOD: u64 = 3;
 /// A sub-map with more pieces of surface than this is full.
@@ -70,6 +72,8 @@ pub struct SlamConfig {
     pub motion: MotionConfig,
     /// How the base map is drawn.
     pub base_map: BaseMapConfig,
+    /// Radius of the robot, metres: where it starts, nothing else can be, and no beam will ever show it.
+    pub radius_m: f64,
 }
 
 impl Default for SlamConfig {
@@ -83,6 +87,7 @@ impl Default for SlamConfig {
             submap_length_m: 5.0,
             motion: MotionConfig::default(),
             base_map: BaseMapConfig::default(),
+            radius_m: 0.0,
         }
     }
 }
@@ -137,7 +142,9 @@ impl Slam {
         if !map_from_base.is_finite() {
             return Err(BaseMapError::Pose);
         }
-        let mapper = BaseMapper::new(config.base_map, map_from_base.position())?;
+        let start = (map_from_base.position(), config.radius_m);
+        let mut mapper = BaseMapper::new(config.base_map, start.0)?;
+        mapper.free_disc(start.0, start.1)?;
         Ok(Slam {
             motion: MotionModel::new(config.motion),
             judge: Judge::default(),
@@ -148,7 +155,7 @@ impl Slam {
             way_m: 0.0,
             graph: Graph::default(),
             loops: Loops::default(),
-            drawing: Drawing::new(config.base_from_lidar, mapper),
+            drawing: Drawing::new(config.base_from_lidar, mapper, start),
             config,
             n_scans: 0,
         })
@@ -268,7 +275,9 @@ impl Slam {
         let found = map.and_then(|map| find_in_wider_windows(map, cloud, &prior, foreseen));
         let pose = found.map_or(prior.map_from_scan, |found| found.map_from_scan);
         let map_from_base = self.submaps[self.present].map_from_submap * pose;
-        let agreement = Agreement::of(cloud, map, pose, self.drawing.mapper(), map_from_base);
+        let log_odds = self.drawing.mapper().log_odds();
+        let is_free = |at| log_odds.at(map_from_base.transform(at)).is_some_and(|l| *l < FREE_LOG_ODDS);
+        let agreement = Agreement::of(cloud, map, pose, is_free);
         self.judge.hear(&agreement);
         if !agreement.is_good() {
             // Going on as before is a guess that gets worse with each scan; odometry is none.

@@ -1,6 +1,6 @@
 //! The base map, drawn from kept scans at the poses of their sub-maps, and drawn anew when those move.
 
-use geometry::Pose2;
+use geometry::{Point2, Pose2};
 
 use super::submap::Submap;
 use crate::base_map::{BaseMapError, BaseMapper, Scan};
@@ -56,6 +56,8 @@ impl Keyframe {
 /// The base map and what it is drawn from.
 pub(super) struct Drawing {
     base_from_lidar: Pose2,
+    /// Where the robot began, and its radius, metres.
+    start: (Point2, f64),
     kept: Vec<Keyframe>,
     mapper: BaseMapper,
     /// A map that is being drawn anew, and how many kept scans are in it.
@@ -65,8 +67,8 @@ pub(super) struct Drawing {
 }
 
 impl Drawing {
-    pub(super) fn new(base_from_lidar: Pose2, mapper: BaseMapper) -> Self {
-        Drawing { base_from_lidar, kept: Vec::new(), mapper, coming: None, is_coming_old: false }
+    pub(super) fn new(base_from_lidar: Pose2, mapper: BaseMapper, start: (Point2, f64)) -> Self {
+        Drawing { base_from_lidar, start, kept: Vec::new(), mapper, coming: None, is_coming_old: false }
     }
 
     pub(super) fn mapper(&self) -> &BaseMapper {
@@ -105,7 +107,10 @@ impl Drawing {
             return;
         }
         self.is_coming_old = false;
-        self.coming = Some((self.mapper.blank(), 0));
+        let mut blank = self.mapper.blank();
+        // It lies in the old map, which has the same room.
+        let _ = blank.free_disc(self.start.0, self.start.1);
+        self.coming = Some((blank, 0));
     }
 
     /// Draws a few more scans of a map that is being drawn anew.

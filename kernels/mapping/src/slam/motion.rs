@@ -67,7 +67,7 @@ pub struct Foreseen {
 impl Foreseen {
     /// The same after so many scans in a row that did not fit: their errors add up.
     #[must_use]
-    pub(super) fn after_misses(self, n: u32) -> Self {
+    pub(crate) fn after_misses(self, n: u32) -> Self {
         let more = 1.0 + f64::from(n.min(N_MISSES_MAX));
         Foreseen { shift_m: self.shift_m * more, turn_rad: self.turn_rad * more, ..self }
     }

@@ -1,5 +1,6 @@
 //! What localisation can be told.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use geometry::{Pose2, Profile};
@@ -7,10 +8,26 @@ use mapping::base_map::BaseMapConfig;
 use proto::{Invalid, codec::within};
 use serde::{Deserialize, Serialize};
 
+/// Who knows the pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PoseBy {
+    /// Odometry is believed.
+    Odometry,
+    /// Scans are matched against the map that they make.
+    Slam,
+    /// Scans are matched against a saved map.
+    Localise,
+}
+
 /// Section `[localisation]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
+    /// Who knows the pose.
+    pub pose: PoseBy,
+    /// The saved map, a YAML file as ROS's `map_server` writes it; with `pose = "localise"` only.
+    pub map: Option<PathBuf>,
     /// Where odometry's origin lies in the map: x and y in metres, yaw in radians.
     pub start: [f64; 3],
     /// Epoch of the map frame at the start.
@@ -31,6 +48,8 @@ impl Default for Settings {
     /// At odometry's origin; 5 cm cells. Odometry comes at 50 Hz: four missing in a row are a gap.
     fn default() -> Self {
         Settings {
+            pose: PoseBy::Odometry,
+            map: None,
             start: [0.0; 3],
             map_epoch: 1,
             resolution_m: 0.05,
@@ -77,6 +96,11 @@ impl service::Settings for Settings {
     const SECTION: &'static str = "localisation";
 
     fn check(&self, _: &Profile) -> Result<(), Invalid> {
+        if self.map.is_some() != (self.pose == PoseBy::Localise) {
+            let found = self.map.as_ref().map_or("missing".into(), |map| map.display().to_string());
+            let limit = "given with pose = \"localise\" and only then";
+            return Err(Invalid::new("map", found, limit));
+        }
         let [x_m, y_m, yaw_rad] = self.start;
         within("start.x", x_m, -10_000.0, 10_000.0)?;
         within("start.y", y_m, -10_000.0, 10_000.0)?;

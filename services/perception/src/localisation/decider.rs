@@ -3,8 +3,10 @@
 use std::time::Duration;
 
 use geometry::{Pose2, Profile, Time};
-use mapping::base_map::{BaseMapError, BaseMapper, Scan as BaseScan};
-use proto::{BaseMap, Header, Odometry, PoseEstimate, Scan};
+use mapping::base_map::Scan as BaseScan;
+use mapping::slam::Standing;
+use mapping::{Grid, Occupancy};
+use proto::{BaseMap, Header, Odometry, PoseEstimate, PoseQuality, Scan};
 
 use crate::odometry_track::{Heard, NoPose, OdometryTrack};
 use crate::wire::{grid_layout, occupancy_bytes};
@@ -14,6 +16,8 @@ use super::pose_source::PoseSource;
 
 /// The base map is repeated this often.
 const MAP_PERIOD: Duration = Duration::from_secs(1);
+/// What is told while the pose is not known.
+const LOST: &str = "lost: scans do not fit the map";
 /// No scan for this long is told.
 const SILENCE_MAX: Duration = Duration::from_secs(1);
 
@@ -42,10 +46,8 @@ pub enum Output {
 /// Localisation, without the world around it.
 pub struct Decider {
     settings: Settings,
-    map_from: Mounts,
     track: OdometryTrack,
     source: PoseSource,
-    mapper: Option<BaseMapper>,
     /// A scan that odometry has not reached yet, and when it came.
     waiting: Option<(Time, Scan)>,
     newest_scan: Header,
@@ -55,30 +57,24 @@ pub struct Decider {
     last_left_out: String,
     map_sent: Option<Time>,
     taken_in: Option<Time>,
+    is_lost: bool,
     trouble: String,
 }
 
-/// What the profile says of the robot's body.
-struct Mounts {
-    base_from_lidar: Pose2,
-    radius_m: f64,
-}
-
 impl Decider {
-    /// Localisation at its start.
+    /// Localisation at its start, without a saved map.
     #[must_use]
     pub fn new(settings: Settings, profile: &Profile) -> Self {
-        let lidar = profile.lidar;
-        let base_from_lidar = Pose2::new(lidar.x_m, lidar.y_m, lidar.yaw_rad);
+        Decider::with_map(settings, profile, None)
+    }
+
+    /// Localisation at its start; `saved` is the map that is needed to be found in one.
+    #[must_use]
+    pub fn with_map(settings: Settings, profile: &Profile, saved: Option<Grid<Occupancy>>) -> Self {
         Decider {
-            map_from: Mounts { base_from_lidar, radius_m: profile.radius_m },
             track: OdometryTrack::new(settings.odometry_gap()),
-            source: PoseSource::Odometry {
-                map_from_odom: settings.map_from_odom(),
-                map_epoch: settings.map_epoch,
-            },
+            source: PoseSource::new(&settings, profile, saved),
             settings,
-            mapper: None,
             waiting: None,
             newest_scan: Header::default(),
             n_poses: 0,
@@ -87,6 +83,7 @@ impl Decider {
             last_left_out: String::new(),
             map_sent: None,
             taken_in: None,
+            is_lost: false,
             trouble: String::new(),
         }
     }
@@ -104,7 +101,6 @@ impl Decider {
             Input::Odometry(odometry) => {
                 if self.track.push(&odometry) == Heard::Restarted {
                     self.source.restart();
-                    self.mapper = None;
                     self.waiting = None;
                 }
             }
@@ -138,35 +134,6 @@ impl Decider {
     }
 
     fn take_in(&mut self, now: Time, scan: &Scan, odom_from_base: Pose2, outputs: &mut Vec<Output>) {
-        let estimate = self.source.estimate();
-        let map_from_base = estimate.map_from_odom * odom_from_base;
-        if let Err(e) = self.map(scan, map_from_base) {
-            self.leave_out(e.to_string());
-            return;
-        }
-        self.newest_scan = scan.header;
-        self.taken_in = Some(now);
-        self.n_poses += 1;
-        outputs.push(Output::Pose(PoseEstimate {
-            header: Header { seq: self.n_poses, ..scan.header },
-            map_epoch: estimate.map_epoch,
-            map_from_odom: estimate.map_from_odom,
-            quality: estimate.quality,
-        }));
-    }
-
-    /// Draws a scan into the base map, a new one if there is none.
-    fn map(&mut self, scan: &Scan, map_from_base: Pose2) -> Result<(), BaseMapError> {
-        let mut mapper = match self.mapper.take() {
-            Some(mapper) => mapper,
-            None => {
-                let mut mapper = BaseMapper::new(self.settings.base_map(), map_from_base.position())?;
-                mapper.free_disc(map_from_base.position(), self.map_from.radius_m)?;
-                // The first map is told at once.
-                self.map_sent = None;
-                mapper
-            }
-        };
         let turn = BaseScan {
             ranges_m: &scan.ranges_m,
             angle_min_rad: scan.angle_min_rad,
@@ -175,9 +142,31 @@ impl Decider {
             range_max_m: scan.range_m_max,
             no_return_is_free: self.settings.no_return_is_free,
         };
-        let done = mapper.integrate(&turn, map_from_base * self.map_from.base_from_lidar);
-        self.mapper = Some(mapper);
-        done
+        let estimate = match self.source.take_in(&turn, odom_from_base) {
+            Ok(estimate) => estimate,
+            Err(e) => {
+                self.leave_out(e.to_string());
+                return;
+            }
+        };
+        self.newest_scan = scan.header;
+        self.taken_in = Some(now);
+        self.is_lost = estimate.standing == Standing::Lost;
+        if estimate.is_new_map {
+            // Told at once.
+            self.map_sent = None;
+        }
+        if self.is_lost {
+            // A pose that is not known is not told: whoever needs one stops for want of it.
+            return;
+        }
+        self.n_poses += 1;
+        outputs.push(Output::Pose(PoseEstimate {
+            header: Header { seq: self.n_poses, ..scan.header },
+            map_epoch: self.source.map_epoch(),
+            map_from_odom: estimate.map_from_odom,
+            quality: PoseQuality::Good,
+        }));
     }
 
     fn leave_out(&mut self, reason: String) {
@@ -186,14 +175,14 @@ impl Decider {
     }
 
     fn send_map(&mut self, now: Time, outputs: &mut Vec<Output>) {
-        let Some(mapper) = self.mapper.as_ref().filter(|_| self.taken_in.is_some()) else { return };
+        let Some(map) = self.source.base_map().filter(|_| self.taken_in.is_some()) else { return };
         self.n_maps += 1;
         self.map_sent = Some(now);
         outputs.push(Output::BaseMap(BaseMap {
             header: Header { seq: self.n_maps, ..self.newest_scan },
-            map_epoch: self.source.estimate().map_epoch,
-            layout: grid_layout(mapper.layout()),
-            cells: occupancy_bytes(&mapper.occupancy()),
+            map_epoch: self.source.map_epoch(),
+            layout: grid_layout(map.layout()),
+            cells: occupancy_bytes(&map),
         }));
     }
 
@@ -201,13 +190,13 @@ impl Decider {
     fn tell_trouble(&mut self, now: Time, outputs: &mut Vec<Output>) {
         let silence = now.since(self.taken_in.unwrap_or(Time::ZERO));
         let trouble = if silence < SILENCE_MAX {
-            String::new()
+            if self.is_lost { LOST.to_owned() } else { String::new() }
         } else if self.last_left_out.is_empty() {
             "no scan".to_owned()
         } else {
             format!("no scan could be used: {}", self.last_left_out)
         };
-        if trouble.is_empty() {
+        if silence < SILENCE_MAX {
             self.last_left_out.clear();
         }
         if trouble != self.trouble {

@@ -6,6 +6,7 @@ use geometry::{Pose2, Profile, Time, Twist};
 use proto::{BaseMap, Header, Odometry, PoseEstimate, PoseQuality, Scan};
 
 use super::*;
+use crate::localisation::config::PoseBy;
 
 const START_NS: u64 = 1_700_000_000_000_000_000;
 const N_BEAMS: usize = 360;
@@ -19,6 +20,9 @@ struct Bench {
     world_from_odom: Pose2,
     world_from_base: Pose2,
     twist: Twist,
+    /// Share of the way and radians for each metre that the wheels are off, and where they think they are.
+    drift: [f64; 2],
+    drifted: Pose2,
     n_odometry: u64,
     n_scans: u64,
     odometry_is_silent: bool,
@@ -31,10 +35,15 @@ struct Bench {
 
 impl Bench {
     fn new(start: [f64; 3]) -> Self {
-        let settings = Settings { start, ..Settings::default() };
+        Bench::with(Settings { start, ..Settings::default() }, None)
+    }
+
+    fn with(settings: Settings, saved: Option<Grid<Occupancy>>) -> Self {
         let world_from_odom = settings.map_from_odom();
         Bench {
-            decider: Decider::new(settings, &Profile::sim()),
+            decider: Decider::with_map(settings, &Profile::sim(), saved),
+            drift: [0.0; 2],
+            drifted: Pose2::IDENTITY,
             now: Time::ZERO,
             world_from_odom,
             world_from_base: world_from_odom,
@@ -69,6 +78,9 @@ impl Bench {
         for _ in 0..(seconds * 100.0).round() as u64 {
             let (speed_m_s, yaw_rate_rad_s) = (self.twist.speed_m_s, self.twist.yaw_rate_rad_s);
             self.world_from_base = self.world_from_base.along_arc(speed_m_s, yaw_rate_rad_s, 0.01);
+            let [share, turn_rad_m] = self.drift;
+            let turn_rad_s = yaw_rate_rad_s + turn_rad_m * speed_m_s;
+            self.drifted = self.drifted.along_arc(speed_m_s * (1.0 + share), turn_rad_s, 0.01);
             self.now = self.now + Duration::from_millis(10);
             let step = self.now.as_nanos() / 10_000_000;
             if step % 10 == 5 {
@@ -83,7 +95,8 @@ impl Bench {
             if step.is_multiple_of(2) && !self.odometry_is_silent {
                 self.n_odometry += 1;
                 let header = Header { seq: self.n_odometry, stamp_ns: self.stamp_ns(), echo: 0 };
-                let odom_from_base = self.world_from_odom.inverse() * self.world_from_base;
+                let truly = self.world_from_odom.inverse() * self.world_from_base;
+                let odom_from_base = if self.drift == [0.0; 2] { truly } else { self.drifted };
                 let twist = self.twist;
                 self.input(Input::Odometry(Odometry { header, odom_from_base, twist, fault: None }));
             }
@@ -169,6 +182,103 @@ fn the_base_map_agrees_with_the_room_while_the_robot_drives_and_turns() {
     bench.twist = Twist { speed_m_s: 0.5, yaw_rate_rad_s: 0.8 };
     bench.drive(8.0);
     check_map(&bench.maps.last().unwrap().1);
+}
+
+/// How far the pose told last is off the truth, metres and radians.
+fn off(bench: &Bench) -> (f64, f64) {
+    let odom_from_base = if bench.drift == [0.0; 2] {
+        bench.world_from_odom.inverse() * bench.world_from_base
+    } else {
+        bench.drifted
+    };
+    let told = bench.poses.last().unwrap().map_from_odom * odom_from_base;
+    let off = told.inverse() * bench.world_from_base;
+    (off.position().coords.norm(), off.yaw_rad.abs())
+}
+
+fn slam(start: [f64; 3]) -> Settings {
+    Settings { pose: PoseBy::Slam, start, ..Settings::default() }
+}
+
+#[test]
+fn wheels_that_drift_lead_odometry_astray_and_not_the_scans() {
+    let drive = |pose| {
+        let mut bench = Bench::with(Settings { pose, ..slam([-1.0, -0.5, 0.3]) }, None);
+        bench.drift = [0.05, 0.035];
+        bench.twist = Twist { speed_m_s: 0.5, yaw_rate_rad_s: 0.8 };
+        bench.drive(30.0);
+        bench
+    };
+    let (by_scans, by_wheels) = (drive(PoseBy::Slam), drive(PoseBy::Odometry));
+    let (off_m, off_rad) = off(&by_scans);
+    assert!(off_m < 0.05 && off_rad < 0.02, "{off_m} m, {off_rad} rad off");
+    assert!(off(&by_wheels).1 > 0.3, "the drift of this test is none: {:?}", off(&by_wheels));
+    check_map(&by_scans.maps.last().unwrap().1);
+    assert_eq!(by_scans.poses.len(), 300);
+    assert!(by_scans.poses.iter().all(|pose| pose.map_epoch == 1));
+}
+
+#[test]
+fn a_robot_that_is_carried_off_is_lost_says_so_and_is_found_again() {
+    let mut bench = Bench::with(slam([-1.0, -0.5, 0.3]), None);
+    bench.twist = Twist { speed_m_s: 0.5, yaw_rate_rad_s: 0.8 };
+    bench.drive(8.0);
+    bench.twist = Twist::default();
+    let carried = Pose2::new(3.5, 1.0, -2.0);
+    // The wheels do not hear of it.
+    bench.world_from_odom = carried * bench.world_from_base.inverse() * bench.world_from_odom;
+    bench.world_from_base = carried;
+    bench.drive(0.9);
+    let n_before = bench.poses.len();
+    bench.drive(0.2);
+    assert!(bench.poses.len() <= n_before + 1, "a pose is told that nobody knows");
+    bench.drive(4.0);
+    assert!(bench.troubles.iter().any(|words| words.contains("lost")), "{:?}", bench.troubles);
+    let (off_m, off_rad) = off(&bench);
+    assert!(off_m < 0.06 && off_rad < 0.02, "{off_m} m, {off_rad} rad off");
+    assert_eq!(bench.poses.last().unwrap().map_epoch, 2);
+    assert_eq!(bench.troubles.last().unwrap(), "");
+}
+
+/// The room as somebody drew it.
+fn drawn_room() -> Grid<Occupancy> {
+    let shape = mapping::Shape { n_cols: 170, n_rows: 90 };
+    let layout = mapping::Layout::new(geometry::Point2::new(-3.25, -2.25), 0.05, shape).unwrap();
+    let cell = |cell| {
+        let at = layout.centre(cell);
+        let is_inside = at.x > ROOM[0] && at.x < ROOM[2] && at.y > ROOM[1] && at.y < ROOM[3];
+        let in_pillar = at.x > PILLAR[0] && at.x < PILLAR[2] && at.y > PILLAR[1] && at.y < PILLAR[3];
+        if is_inside && !in_pillar { Occupancy::Free } else { Occupancy::Occupied }
+    };
+    Grid::from_values(layout, layout.cells().map(cell).collect()).unwrap()
+}
+
+#[test]
+fn in_a_saved_map_the_robot_is_found_and_stays_found_though_wheels_drift() {
+    // It was set down half a metre beside where it is said to be.
+    let settings = Settings {
+        pose: PoseBy::Localise,
+        map: Some("room.yaml".into()),
+        start: [-1.3, -0.2, 0.1],
+        ..Settings::default()
+    };
+    let mut bench = Bench::with(settings, Some(drawn_room()));
+    bench.world_from_base = Pose2::new(-1.0, -0.5, 0.3);
+    bench.drift = [0.05, 0.035];
+    bench.twist = Twist { speed_m_s: 0.5, yaw_rate_rad_s: 0.8 };
+    bench.drive(20.0);
+    let (off_m, off_rad) = off(&bench);
+    assert!(off_m < 0.06 && off_rad < 0.02, "{off_m} m, {off_rad} rad off");
+    assert_eq!(bench.maps.last().unwrap().1.cells, occupancy_bytes(&drawn_room()));
+}
+
+#[test]
+fn without_the_saved_map_no_pose_is_told() {
+    let settings = Settings { pose: PoseBy::Localise, map: Some("room.yaml".into()), ..Settings::default() };
+    let mut bench = Bench::with(settings, None);
+    bench.drive(2.0);
+    assert_eq!((bench.poses.len(), bench.maps.len()), (0, 0));
+    assert!(bench.troubles.last().is_some_and(|words| words.contains("no scan could be used")));
 }
 
 #[test]

@@ -1,0 +1,198 @@
+//! Where the robot is in a map that is given and does not change.
+//!
+//! Each scan is matched against the map's occupied cells, starting from where odometry says it should lie.
+//! Things that stand where the map is free count against a match; several scans that do not fit, and the robot
+//! is lost: it is then looked for all over the map, a part with each scan.
+
+use geometry::{Point2, Pose2};
+use nalgebra::Vector2;
+
+use crate::base_map::{BaseMapError, Scan};
+use crate::grid::{Cell, Grid, Occupancy};
+use crate::scan_match::{self, Cloud, CloudPoint, MatchMap, Prior, Window};
+use crate::slam::{Agreement, Judge, MotionConfig, MotionModel, Standing};
+
+/// Share of a scan that must lie on the map for a lost robot to be there.
+const SHARE_FOUND: f64 = 0.75;
+/// With fewer points no place is told from another.
+const N_POINTS_MIN: usize = 40;
+/// A lost robot is looked for in squares of this half side, metres, one with each scan.
+const SQUARE_M: f64 = 5.0;
+/// A pose that was found anew this far from the foreseen one has jumped: metres.
+const JUMP_M: f64 = 0.3;
+/// The direction of a wall is taken from occupied cells this near, cells.
+const NORMAL_REACH: isize = 3;
+
+/// What one scan told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// The pose in the map.
+    pub map_from_base: Pose2,
+    /// How well it is known.
+    pub standing: Standing,
+    /// It is elsewhere than the scans before had it.
+    pub has_jumped: bool,
+}
+
+/// Localisation in a given map.
+pub struct Localiser {
+    base_from_lidar: Pose2,
+    range_used_m: f64,
+    map: MatchMap,
+    occupancy: Grid<Occupancy>,
+    motion: MotionModel,
+    judge: Judge,
+    map_from_base: Pose2,
+    is_first: bool,
+    n_squares_looked: usize,
+}
+
+impl Localiser {
+    /// A robot somewhere near `map_from_base` in a map.
+    #[must_use]
+    pub fn new(
+        occupancy: Grid<Occupancy>,
+        base_from_lidar: Pose2,
+        range_used_m: f64,
+        motion: MotionConfig,
+        map_from_base: Pose2,
+    ) -> Self {
+        let mut map = MatchMap::new(occupancy.layout().resolution_m);
+        map.insert(&surfaces(&occupancy), Pose2::IDENTITY);
+        Localiser {
+            base_from_lidar,
+            range_used_m,
+            map,
+            occupancy,
+            motion: MotionModel::new(motion),
+            judge: Judge::default(),
+            map_from_base,
+            is_first: true,
+            n_squares_looked: 0,
+        }
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn occupancy(&self) -> &Grid<Occupancy> {
+        &self.occupancy
+    }
+
+    /// Takes in one scan; `last_from_now` as in [`crate::slam::Slam::step`].
+    ///
+    /// # Errors
+    /// [`BaseMapError::Scan`] when the scan cannot be.
+    pub fn step(&mut self, scan: &Scan<'_>, last_from_now: Option<Pose2>) -> Result<Found, BaseMapError> {
+        scan.check()?;
+        let last_from_now = last_from_now.filter(Pose2::is_finite);
+        let cloud = Cloud::of_scan(scan, self.base_from_lidar, self.range_used_m);
+        let last = self.map_from_base;
+        if self.judge.standing() == Standing::Lost {
+            self.map_from_base = last * last_from_now.unwrap_or_default();
+            let has_jumped = self.look_everywhere(&cloud);
+            return Ok(self.found(has_jumped));
+        }
+        let foreseen = self.motion.foresee(last_from_now).after_misses(self.judge.n_bad());
+        let mut window = foreseen.window();
+        if self.is_first {
+            // Where it was set down is known roughly.
+            window = Window { shift_m: 1.0, turn_rad: 0.5 };
+        }
+        let prior = Prior {
+            map_from_scan: last * foreseen.last_from_now,
+            shift_m: window.shift_m / 3.0,
+            turn_rad: window.turn_rad / 3.0,
+        };
+        let best = scan_match::find(&self.map, &cloud, &prior, window);
+        let pose = best.map_or(prior.map_from_scan, |best| best.map_from_scan);
+        let is_free = |at: Point2| self.occupancy.at(at) == Some(&Occupancy::Free);
+        let agreement = Agreement::of(&cloud, Some(&self.map), pose, |at| is_free(pose.transform(at)));
+        self.judge.hear(&agreement);
+        if agreement.is_good() {
+            self.motion.learn(&last, &pose, &foreseen);
+            self.map_from_base = pose;
+            self.is_first = false;
+        } else {
+            self.motion.forget();
+            self.map_from_base = prior.map_from_scan;
+        }
+        Ok(self.found(false))
+    }
+
+    fn found(&self, has_jumped: bool) -> Found {
+        Found { map_from_base: self.map_from_base, standing: self.judge.standing(), has_jumped }
+    }
+
+    /// Looks into one square of the map at any heading; true when the robot is found far from where it was
+    /// thought to be.
+    fn look_everywhere(&mut self, cloud: &Cloud) -> bool {
+        if cloud.points().len() < N_POINTS_MIN {
+            return false;
+        }
+        let (low, high) = (self.occupancy.layout().origin, self.occupancy.layout().far_corner());
+        let n_side = ((high - low) / (2.0 * SQUARE_M)).map(|n| n.ceil().max(1.0) as usize);
+        let nth = self.n_squares_looked % (n_side.x * n_side.y);
+        self.n_squares_looked += 1;
+        let at = |axis_low: f64, idx: usize| axis_low + (2 * idx + 1) as f64 * SQUARE_M;
+        let middle = Pose2::new(at(low.x, nth % n_side.x), at(low.y, nth / n_side.x), 0.0);
+        let prior = Prior { map_from_scan: middle, shift_m: 100.0, turn_rad: 10.0 };
+        let window = Window { shift_m: SQUARE_M, turn_rad: std::f64::consts::PI };
+        let found = scan_match::find(&self.map, cloud, &prior, window);
+        let Some(found) = found.filter(|found| found.inlier_share >= SHARE_FOUND) else { return false };
+        let off_m = (found.map_from_scan.position() - self.map_from_base.position()).norm();
+        self.map_from_base = found.map_from_scan;
+        self.judge.found();
+        off_m > JUMP_M
+    }
+}
+
+/// The occupied cells that border free ones, with the direction of what they are part of, towards the free side.
+fn surfaces(occupancy: &Grid<Occupancy>) -> Cloud {
+    let layout = occupancy.layout();
+    let beside = |cell: Cell, dx: isize, dy: isize| {
+        let col = cell.col.checked_add_signed(dx).filter(|col| *col < layout.shape.n_cols)?;
+        let row = cell.row.checked_add_signed(dy).filter(|row| *row < layout.shape.n_rows)?;
+        Some(*occupancy.get(Cell { col, row }))
+    };
+    let around = || {
+        (-NORMAL_REACH..=NORMAL_REACH).flat_map(|dy| (-NORMAL_REACH..=NORMAL_REACH).map(move |dx| (dx, dy)))
+    };
+    let mut points = Vec::new();
+    for cell in layout.cells().filter(|cell| *occupancy.get(*cell) == Occupancy::Occupied) {
+        let is_border = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+            .into_iter()
+            .any(|(dx, dy)| beside(cell, dx, dy) == Some(Occupancy::Free));
+        if !is_border {
+            continue;
+        }
+        let (mut n, mut sum, mut squares, mut to_free) = (0.0, [0.0; 2], [0.0; 3], Vector2::zeros());
+        for (dx, dy) in around() {
+            let (x, y) = (dx as f32, dy as f32);
+            match beside(cell, dx, dy) {
+                Some(Occupancy::Occupied) => {
+                    n += 1.0;
+                    sum = [sum[0] + x, sum[1] + y];
+                    squares = [squares[0] + x * x, squares[1] + x * y, squares[2] + y * y];
+                }
+                Some(Occupancy::Free) => to_free += Vector2::new(x, y),
+                _ => {}
+            }
+        }
+        let mean = sum.map(|s| s / n);
+        let (xx, xy, yy) = (
+            squares[0] / n - mean[0] * mean[0],
+            squares[1] / n - mean[0] * mean[1],
+            squares[2] / n - mean[1] * mean[1],
+        );
+        let half = ((xx - yy) / 2.0).hypot(xy);
+        let is_line = n >= 3.0 && (xx + yy) / 2.0 - half < 0.3 * ((xx + yy) / 2.0 + half);
+        let along_rad = 0.5 * (2.0 * xy).atan2(xx - yy);
+        let mut normal = Vector2::new(-along_rad.sin(), along_rad.cos());
+        if normal.dot(&to_free) < 0.0 {
+            normal = -normal;
+        }
+        let normal = if is_line { normal } else { Vector2::zeros() };
+        points.push(CloudPoint { at: layout.centre(cell).cast(), normal });
+    }
+    Cloud::from_points(points)
+}
