@@ -29,6 +29,26 @@ pub struct Scan<'a> {
     pub no_return_is_free: bool,
 }
 
+impl Scan<'_> {
+    /// Checks angles and limits.
+    ///
+    /// # Errors
+    /// [`BaseMapError::Scan`] names them.
+    pub fn check(&self) -> Result<(), BaseMapError> {
+        let Scan { angle_min_rad, angle_increment_rad, range_min_m, range_max_m, .. } = *self;
+        let ok = angle_min_rad.is_finite()
+            && angle_increment_rad.is_finite()
+            && range_min_m >= 0.0
+            && range_max_m > range_min_m
+            && range_max_m <= 1000.0;
+        if ok {
+            Ok(())
+        } else {
+            Err(BaseMapError::Scan { angle_min_rad, angle_increment_rad, range_min_m, range_max_m })
+        }
+    }
+}
+
 /// How the base map is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseMapConfig {
@@ -76,8 +96,9 @@ pub enum BaseMapError {
     Grid(#[from] GridError),
 }
 
-/// Cells by which a map grows at least: growing copies it.
+/// Cells by which a map grows at least, and share of its side: growing copies it.
 const GROWTH_CELLS: f64 = 64.0;
+const GROWTH_SHARE: f64 = 0.2;
 /// Log-odds beyond which a cell is decided.
 const DECIDED: f32 = 0.1;
 
@@ -105,6 +126,18 @@ impl BaseMapper {
             counted: Grid::filled(layout, 0),
             n_scans: 0,
         })
+    }
+
+    /// An unknown map with the configuration and the room of this one.
+    #[must_use]
+    pub fn blank(&self) -> Self {
+        let layout = *self.layout();
+        BaseMapper {
+            config: self.config,
+            log_odds: Grid::filled(layout, 0.0),
+            counted: Grid::filled(layout, 0),
+            n_scans: 0,
+        }
     }
 
     /// Where the map lies at present.
@@ -162,7 +195,7 @@ impl BaseMapper {
         if !map_from_lidar.is_finite() {
             return Err(BaseMapError::Pose);
         }
-        check(scan)?;
+        scan.check()?;
         let beams = self.beams(scan, map_from_lidar);
         let eye = map_from_lidar.position();
         let (mut low, mut high) = (eye, eye);
@@ -215,14 +248,15 @@ impl BaseMapper {
     /// Frees the cells that a beam passes, once a scan, but for cells hit in this scan.
     fn count_free(&mut self, from: Point2, to: Point2) {
         let mark = 2 * self.n_scans;
-        let layout = *self.layout();
+        let line = Traversal::new(self.layout(), from, to);
         let (free, floor) = (self.config.free, -self.config.log_odds_max);
-        for cell in Traversal::new(&layout, from, to) {
-            let idx = layout.index(cell);
+        let (counted, log_odds) = (self.counted.values_mut(), self.log_odds.values_mut());
+        for idx in line {
             // Counted as free already, or (one more) hit.
-            if self.counted.values()[idx] < mark {
-                self.counted.values_mut()[idx] = mark;
-                let value = &mut self.log_odds.values_mut()[idx];
+            if let (Some(counted), Some(value)) = (counted.get_mut(idx), log_odds.get_mut(idx))
+                && *counted < mark
+            {
+                *counted = mark;
                 *value = (*value - free).max(floor);
             }
         }
@@ -237,8 +271,10 @@ impl BaseMapper {
             return Ok(());
         }
         // Whole chunks of cells, counted from the old origin, so that cells stay where they are.
-        let chunk_m = GROWTH_CELLS * old.resolution_m;
-        let chunks = |over_m: f64| ((over_m / chunk_m).ceil().max(0.0) * GROWTH_CELLS) as usize;
+        let longest = old.shape.n_cols.max(old.shape.n_rows) as f64;
+        let chunk = GROWTH_CELLS * (GROWTH_SHARE * longest / GROWTH_CELLS).ceil();
+        let chunk_m = chunk * old.resolution_m;
+        let chunks = |over_m: f64| ((over_m / chunk_m).ceil().max(0.0) * chunk) as usize;
         let before = [chunks(near.x - low.x), chunks(near.y - low.y)];
         let after = [chunks(high.x - far.x), chunks(high.y - far.y)];
         let shape = Shape {
@@ -257,20 +293,6 @@ impl BaseMapper {
 struct Beam {
     end: Point2,
     is_hit: bool,
-}
-
-fn check(scan: &Scan<'_>) -> Result<(), BaseMapError> {
-    let Scan { angle_min_rad, angle_increment_rad, range_min_m, range_max_m, .. } = *scan;
-    let ok = angle_min_rad.is_finite()
-        && angle_increment_rad.is_finite()
-        && range_min_m >= 0.0
-        && range_max_m > range_min_m
-        && range_max_m <= 1000.0;
-    if ok {
-        Ok(())
-    } else {
-        Err(BaseMapError::Scan { angle_min_rad, angle_increment_rad, range_min_m, range_max_m })
-    }
 }
 
 fn moved<T: Copy + Default>(old: &Grid<T>, layout: Layout, off: [usize; 2]) -> Grid<T> {

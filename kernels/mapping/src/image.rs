@@ -121,6 +121,7 @@ pub struct Mask {
     width: u32,
     height: u32,
     bits: Vec<bool>,
+    bounds: Option<(std::ops::Range<usize>, std::ops::Range<usize>)>,
 }
 
 impl Mask {
@@ -130,7 +131,8 @@ impl Mask {
     /// [`ImageError`] when the size is impossible or not that of the pixels.
     pub fn new(width: u32, height: u32, bits: Vec<bool>) -> Result<Self, ImageError> {
         check_size(width, height, bits.len())?;
-        Ok(Mask { width, height, bits })
+        let bounds = bounds_of(&bits, width as usize);
+        Ok(Mask { width, height, bits, bounds })
     }
 
     /// Width, pixels.
@@ -160,18 +162,22 @@ impl Mask {
     /// The smallest box that holds the mask as (columns, rows), half open; `None` when it is empty.
     #[must_use]
     pub fn bounds(&self) -> Option<(std::ops::Range<usize>, std::ops::Range<usize>)> {
-        let width = self.width as usize;
-        let mut bounds: Option<(std::ops::Range<usize>, std::ops::Range<usize>)> = None;
-        for (row, bits) in self.bits.chunks_exact(width).enumerate() {
-            let Some(first) = bits.iter().position(|b| *b) else { continue };
-            let last = bits.iter().rposition(|b| *b).unwrap_or(first);
-            bounds = Some(match bounds {
-                Some((cols, rows)) => (cols.start.min(first)..cols.end.max(last + 1), rows.start..row + 1),
-                None => (first..last + 1, row..row + 1),
-            });
-        }
-        bounds
+        self.bounds.clone()
     }
+}
+
+/// The smallest box of set bits.
+fn bounds_of(all: &[bool], width: usize) -> Option<(std::ops::Range<usize>, std::ops::Range<usize>)> {
+    let mut bounds: Option<(std::ops::Range<usize>, std::ops::Range<usize>)> = None;
+    for (row, bits) in all.chunks_exact(width).enumerate() {
+        let Some(first) = bits.iter().position(|b| *b) else { continue };
+        let last = bits.iter().rposition(|b| *b).unwrap_or(first);
+        bounds = Some(match bounds {
+            Some((cols, rows)) => (cols.start.min(first)..cols.end.max(last + 1), rows.start..row + 1),
+            None => (first..last + 1, row..row + 1),
+        });
+    }
+    bounds
 }
 
 /// A depth image, the camera that took it and where that camera was: sizes agree, the pose is finite.

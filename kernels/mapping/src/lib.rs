@@ -17,13 +17,16 @@ pub mod field;
 pub mod floor_area;
 pub mod grid;
 pub mod image;
+pub mod map_file;
 pub mod morphology;
 pub mod obstacle_layer;
 pub mod occupancy;
 pub mod projection;
 pub mod raster;
 pub mod region;
+pub mod scan_match;
 pub mod segments;
+pub mod slam;
 pub mod tsdf;
 
 pub use distance::{signed_distance, squared_distance_cells};

@@ -90,14 +90,18 @@ impl<'a> TrustedDepth<'a> {
         }
     }
 
-    /// Every `stride`-th (column, row) in the mask, trusted or not.
-    pub(crate) fn pixels(&self, stride: usize) -> impl Iterator<Item = (usize, usize)> + use<'_> {
-        let bounds = match self.mask {
+    /// Columns and rows that may hold masked pixels.
+    pub(crate) fn bounds(&self) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+        match self.mask {
             Some(mask) => mask.bounds().unwrap_or((0..0, 0..0)),
             None => (0..self.width, 0..self.height),
-        };
+        }
+    }
+
+    /// Every `stride`-th (column, row) in the mask, trusted or not.
+    pub(crate) fn pixels(&self, stride: usize) -> impl Iterator<Item = (usize, usize)> + use<'_> {
         let stride = stride.max(1);
-        let (cols, rows) = bounds;
+        let (cols, rows) = self.bounds();
         rows.step_by(stride)
             .flat_map(move |row| cols.clone().step_by(stride).map(move |col| (col, row)))
             .filter(|&(col, row)| self.in_mask(row * self.width + col))
@@ -106,6 +110,17 @@ impl<'a> TrustedDepth<'a> {
     /// Whether a pixel is in the mask.
     pub(crate) fn in_mask(&self, idx: usize) -> bool {
         self.mask.is_none_or(|mask| mask.bits()[idx])
+    }
+
+    /// Depth at a pixel, metres; `None` when it is not in the mask or not to be trusted.
+    pub(crate) fn at_in_mask(&self, col: usize, row: usize) -> Option<f32> {
+        if self.in_mask(row * self.width + col) { self.at(col, row) } else { None }
+    }
+
+    /// Depth at a pixel of the mask as it is, metres; `None` outside the mask.
+    pub(crate) fn masked_m(&self, col: usize, row: usize) -> Option<f32> {
+        let idx = row * self.width + col;
+        self.in_mask(idx).then(|| self.raw_m(idx))
     }
 
     /// Depth at a pixel of the mask, metres; `None` when it is not to be trusted.

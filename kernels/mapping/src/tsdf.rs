@@ -15,7 +15,9 @@ use rustc_hash::FxHashMap;
 
 use crate::image::{DepthFrame, ImageError, Mask};
 use crate::projection::{DepthLimits, TrustedDepth};
+use tiles::Tiles;
 
+mod tiles;
 mod update;
 
 /// Voxels along one side of a block.
@@ -39,8 +41,6 @@ pub struct TsdfConfig {
     pub absent_step: f32,
     /// Most blocks held. Beyond it new ones are refused and counted.
     pub n_blocks_max: usize,
-    /// Every how many-th pixel reserves space; each voxel looks at its own pixel.
-    pub reserve_stride_px: usize,
     /// Which depth is trusted.
     pub limits: DepthLimits,
 }
@@ -57,7 +57,6 @@ impl Default for TsdfConfig {
             carve_step: 3.0,
             absent_step: 2.0,
             n_blocks_max: 20_000,
-            reserve_stride_px: 2,
             limits: DepthLimits::default(),
         }
     }
@@ -176,17 +175,19 @@ impl Tsdf {
         }
         self.frame += 1;
         let trusted = TrustedDepth::new(frame, mask, &self.config.limits);
-        let mut done =
-            Integrated { n_blocks_refused: self.reserve(frame, &trusted), ..Integrated::default() };
-        let view = update::View::new(frame, &trusted, &self.config);
+        let planes = update::Planes::new(frame, self.config.voxel_m);
+        let (tiles, n_blocks_refused) = self.reserve(frame, &trusted, &planes);
+        let mut done = Integrated { n_blocks_refused, ..Integrated::default() };
+        let view = update::View::new(frame, &trusted, (&planes, &tiles), &self.config);
         let mut emptied = Vec::new();
         for (idx, block) in self.blocks.iter_mut().enumerate() {
             let reserved = block.frame == self.frame;
             if (!reserved && !view.clears()) || !view.sees(block) {
                 continue;
             }
+            let n_before = done.n_voxels_hit;
             view.update(block, reserved, &mut done);
-            if block.weight.iter().all(|w| *w <= 0.0) {
+            if done.n_voxels_hit == n_before && block.weight.iter().all(|w| *w <= 0.0) {
                 emptied.push(idx);
             }
         }
@@ -286,25 +287,34 @@ impl Tsdf {
         (block.weight[voxel] > 0.0).then(|| block.sdf_m[voxel])
     }
 
-    /// Makes room along the rays around each masked surface; returns how many blocks were refused.
-    fn reserve(&mut self, frame: &DepthFrame<'_>, trusted: &TrustedDepth<'_>) -> usize {
-        let block_m = self.config.voxel_m * BLOCK_SIDE as f64;
+    /// Makes room along the rays around each masked surface; returns the image's tiles and how many blocks were
+    /// refused.
+    fn reserve(
+        &mut self,
+        frame: &DepthFrame<'_>,
+        trusted: &TrustedDepth<'_>,
+        planes: &update::Planes<'_>,
+    ) -> (Tiles, usize) {
+        let TsdfConfig { voxel_m, truncation_m, limits, .. } = self.config;
+        let block_m = voxel_m * BLOCK_SIDE as f64;
+        let camera = frame.intrinsics();
+        let eye = frame.map_from_camera().translation.vector / block_m;
+        let turn = frame.map_from_camera().rotation.to_rotation_matrix().into_inner() / block_m;
+        let side = Tiles::side_for(camera.fx.min(camera.fy), voxel_m, limits.max_m);
         let mut n_refused = 0;
         let mut last = [[i32::MAX; 3]; 3];
-        for (col, row) in trusted.pixels(self.config.reserve_stride_px) {
-            let Some(depth_m) = trusted.at(col, row) else { continue };
-            let ray_camera = frame.intrinsics().unproject(col as f64, row as f64, 1.0);
+        let tiles = Tiles::new(trusted, planes, side, |seen| {
+            let ray = turn * camera.unproject(seen.col as f64, seen.row as f64, 1.0).coords;
             for (step, last) in [-1.0, 0.0, 1.0].into_iter().zip(&mut last) {
-                let reach_m = f64::from(depth_m) + step * self.config.truncation_m;
-                let point_map = frame.map_from_camera() * (ray_camera * reach_m);
-                let key: BlockKey = point_map.coords.map(|c| (c / block_m).floor() as i32).into();
+                let reach_m = f64::from(seen.depth_m) + step * truncation_m;
+                let key: BlockKey = (eye + ray * reach_m).map(|c| c.floor() as i32).into();
                 if key != *last {
                     *last = key;
                     n_refused += usize::from(!self.touch(key));
                 }
             }
-        }
-        n_refused
+        });
+        (tiles, n_refused)
     }
 
     /// Marks a block as reserved in this frame, made anew if need be; false when there is no room.

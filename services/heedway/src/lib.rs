@@ -14,6 +14,7 @@ pub mod hearing;
 pub mod parse;
 pub mod rules_list;
 pub mod say;
+pub mod slam;
 pub mod terminal;
 pub mod watch;
 

@@ -1,0 +1,145 @@
+//! The base map, drawn from kept scans at the poses of their sub-maps, and drawn anew when those move.
+
+use geometry::Pose2;
+
+use super::submap::Submap;
+use crate::base_map::{BaseMapError, BaseMapper, Scan};
+use crate::scan_match::Cloud;
+
+/// So many kept scans are drawn anew with each new one: a scan takes a tenth of a millisecond or two.
+const N_AT_ONCE: usize = 2;
+/// Most scans kept, some 30 MB; beyond, every second one is let go.
+const N_KEPT_MAX: usize = 20_000;
+
+/// A scan that was put into the map.
+pub(super) struct Keyframe {
+    submap_idx: usize,
+    submap_from_base: Pose2,
+    ranges_m: Box<[f32]>,
+    angle_min_rad: f64,
+    angle_increment_rad: f64,
+    range_min_m: f64,
+    range_max_m: f64,
+    no_return_is_free: bool,
+}
+
+impl Keyframe {
+    pub(super) fn new(scan: &Scan<'_>, submap_idx: usize, submap_from_base: Pose2) -> Self {
+        Keyframe {
+            submap_idx,
+            submap_from_base,
+            ranges_m: scan.ranges_m.into(),
+            angle_min_rad: scan.angle_min_rad,
+            angle_increment_rad: scan.angle_increment_rad,
+            range_min_m: scan.range_min_m,
+            range_max_m: scan.range_max_m,
+            no_return_is_free: scan.no_return_is_free,
+        }
+    }
+
+    fn scan(&self) -> Scan<'_> {
+        Scan {
+            ranges_m: &self.ranges_m,
+            angle_min_rad: self.angle_min_rad,
+            angle_increment_rad: self.angle_increment_rad,
+            range_min_m: self.range_min_m,
+            range_max_m: self.range_max_m,
+            no_return_is_free: self.no_return_is_free,
+        }
+    }
+
+    fn map_from_base(&self, submaps: &[Submap]) -> Pose2 {
+        submaps.get(self.submap_idx).map_or(Pose2::IDENTITY, |s| s.map_from_submap) * self.submap_from_base
+    }
+}
+
+/// The base map and what it is drawn from.
+pub(super) struct Drawing {
+    base_from_lidar: Pose2,
+    kept: Vec<Keyframe>,
+    mapper: BaseMapper,
+    /// A map that is being drawn anew, and how many kept scans are in it.
+    coming: Option<(BaseMapper, usize)>,
+    /// The poses have changed since it was begun: another one must follow.
+    is_coming_old: bool,
+}
+
+impl Drawing {
+    pub(super) fn new(base_from_lidar: Pose2, mapper: BaseMapper) -> Self {
+        Drawing { base_from_lidar, kept: Vec::new(), mapper, coming: None, is_coming_old: false }
+    }
+
+    pub(super) fn mapper(&self) -> &BaseMapper {
+        &self.mapper
+    }
+
+    /// Draws a scan and keeps it.
+    pub(super) fn add(&mut self, keyframe: Keyframe, submaps: &[Submap]) -> Result<(), BaseMapError> {
+        draw(&mut self.mapper, &keyframe, self.base_from_lidar, submaps)?;
+        if self.kept.len() >= N_KEPT_MAX {
+            let mut is_odd = false;
+            self.kept.retain(|_| {
+                is_odd = !is_odd;
+                is_odd
+            });
+            // Its count means nothing any more.
+            if self.coming.take().is_some() {
+                self.draw_anew();
+            }
+        }
+        self.kept.push(keyframe);
+        Ok(())
+    }
+
+    /// The surfaces that the scan kept last shows, in its base.
+    pub(super) fn latest_cloud(&self, range_used_m: f64) -> Option<Cloud> {
+        let latest = self.kept.last()?;
+        Some(Cloud::of_scan(&latest.scan(), self.base_from_lidar, range_used_m))
+    }
+
+    /// The poses have changed: a new map is begun, and takes the old one's place when it is complete.
+    /// One that is being drawn is finished first: a map that is a little off is better than an old one.
+    pub(super) fn draw_anew(&mut self) {
+        if self.coming.is_some() {
+            self.is_coming_old = true;
+            return;
+        }
+        self.is_coming_old = false;
+        self.coming = Some((self.mapper.blank(), 0));
+    }
+
+    /// Draws a few more scans of a map that is being drawn anew.
+    pub(super) fn catch_up(&mut self, submaps: &[Submap]) -> Result<(), BaseMapError> {
+        let Some((mut mapper, n_drawn)) = self.coming.take() else { return Ok(()) };
+        let until = (n_drawn + N_AT_ONCE).min(self.kept.len());
+        for keyframe in &self.kept[n_drawn..until] {
+            draw(&mut mapper, keyframe, self.base_from_lidar, submaps)?;
+        }
+        if until == self.kept.len() {
+            self.mapper = mapper;
+            if self.is_coming_old {
+                self.draw_anew();
+            }
+        } else {
+            self.coming = Some((mapper, until));
+        }
+        Ok(())
+    }
+
+    /// Draws a map that is being drawn anew to its end.
+    pub(super) fn draw_all(&mut self, submaps: &[Submap]) -> Result<(), BaseMapError> {
+        while self.coming.is_some() {
+            self.catch_up(submaps)?;
+        }
+        Ok(())
+    }
+}
+
+fn draw(
+    mapper: &mut BaseMapper,
+    keyframe: &Keyframe,
+    base_from_lidar: Pose2,
+    submaps: &[Submap],
+) -> Result<(), BaseMapError> {
+    mapper.integrate(&keyframe.scan(), keyframe.map_from_base(submaps) * base_from_lidar)
+}
