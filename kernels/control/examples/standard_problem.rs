@@ -16,7 +16,23 @@ fn main() {
         let mut f = StandardFilter::new(isa, &scene, sampling);
         let mut merge = t.elapsed().as_secs_f64() * 1e6;
         for _ in 0..5 { let t = Instant::now(); f = StandardFilter::new(isa, &scene, sampling); merge = merge.min(t.elapsed().as_secs_f64() * 1e6); }
-        let only = std::env::args().nth(5);
+        {
+            let starts = control::standard::service::starts(&scene).unwrap();
+            let profile = geometry::Profile::sim();
+            let config = control::FilterConfig { n_steps: h, latency_s: 0.0, ..control::FilterConfig::for_profile(&profile) };
+            let mut filters: Vec<_> = starts.iter().map(|_| control::Filter::new(config.clone(), &profile).unwrap()).collect();
+            let mut ts = Vec::new(); let mut by = vec![f64::INFINITY; starts.len()];
+            let mut actions = std::collections::BTreeMap::new();
+            for rep in 0..std::env::var("REPS").map_or(40, |r| r.parse().unwrap()) { for k in 0..starts.len() { let k = (k * 37 + rep) % starts.len();
+                let t = Instant::now();
+                let d = filters[k].step(std::time::Duration::from_millis(50), starts[k].state, starts[k].nominal, &starts[k].world);
+                let t = t.elapsed().as_secs_f64() * 1e6; ts.push(t); by[k] = by[k].min(t);
+                *actions.entry(format!("{:?}", d.action)).or_insert(0) += 1;
+            } }
+            ts.sort_by(f64::total_cmp);
+            println!("service mean={:.1} med={:.1} mean_min={:.1} max_min={:.1} {actions:?}", ts.iter().sum::<f64>() / ts.len() as f64, ts[ts.len()/2], by.iter().sum::<f64>() / by.len() as f64, by.iter().fold(0.0_f64, |a, b| a.max(*b)));
+        }
+        let only = std::env::args().nth(5); if only.as_deref() == Some("service") { return; }
         let modes: Vec<String> = only.map_or(["full", "shipped", "one_full", "one"].map(String::from).to_vec(), |m| vec![m]);
         for mode in modes.iter().map(String::as_str) {
             let mut ts = Vec::new();

@@ -19,6 +19,7 @@ use crate::margin::{Demand, World};
 use crate::noise::Noise;
 use crate::paper_literal::PaperLiteral;
 use crate::plan::Plan;
+use crate::points::PointIndex;
 use crate::primitives::deviation;
 use crate::scene::{Assumptions, Scene};
 use crate::score::{Best, Search};
@@ -60,6 +61,8 @@ pub struct Filter {
     noise: Noise,
     best: Best,
     continued: Best,
+    /// Indices of points that are not in use.
+    spare: Vec<PointIndex>,
 }
 
 /// The ways out of the zones that the robot stands in, kept for some ticks.
@@ -106,6 +109,7 @@ impl Filter {
             noise: Noise::default(),
             best: Best::default(),
             continued: Best::default(),
+            spare: Vec::new(),
         })
     }
 
@@ -139,17 +143,19 @@ impl Filter {
         self.remember_where_told(world, start);
         let told_inside = std::mem::take(&mut self.told_inside);
         let stands_still = |id: &str| told_inside.get(id).copied().unwrap_or(false);
-        let mut scene = Scene::of(world, start, self.assumptions, &stands_still);
+        let mut scene = Scene::with(world, start, self.assumptions, &stands_still, &mut self.spare);
         let wanted = limits.control_towards(start.speed_m_s, nominal, self.config.step_s);
 
         let choice = match self.config.method {
             Method::PaperLiteral | Method::PaperLiteralBlending => {
                 self.noise_for_this_tick();
+                self.noise.draw(self.search.n_samples * self.search.n_rounds.max(1));
                 self.literal.choose(world, &scene, wanted, &self.noise, &self.search, &self.config)
             }
             _ => self.choose(&mut scene, nominal, wanted),
         };
         self.told_inside = told_inside;
+        scene.leave(&mut self.spare);
         self.decide(choice, world, start, nominal, wanted)
     }
 

@@ -10,7 +10,7 @@ use geometry::Point2;
 
 use crate::dynamics::{Control, Moved, State};
 use crate::noise::Noise;
-use crate::scene::Scene;
+use crate::scene::{Assumptions, Scene};
 
 /// Fields interpolated bilinearly change by at most this much a metre.
 const FIELD_SLOPE: f64 = std::f64::consts::SQRT_2;
@@ -67,6 +67,20 @@ impl Runner {
         runner.kept_m = runner.here_m - scene.assumptions.disturbance.position_m;
         runner.zones = runner.zones_here(scene, scene.tube_m(speed_m_s, 0.0, 0.0));
         runner
+    }
+
+    /// The most that any motion from here can keep, metres: the margin here less what is lost on the next
+    /// segment even by braking, straight on.
+    fn most_m(&self, scene: &Scene<'_>) -> f64 {
+        let Assumptions { limits, step_s, .. } = scene.assumptions;
+        if self.speed_m_s <= 0.0 {
+            return self.kept_m;
+        }
+        let end_m_s = limits.speed_after(self.speed_m_s, -limits.accel_m_s2_max, step_s);
+        let length_m = (self.speed_m_s + end_m_s) / 2.0 * step_s;
+        let tube_m = scene.tube_m(self.start_m_s, self.moving_s + step_s, self.path_m + length_m);
+        // Added up as in `step`, so that braking reaches it to the last bit.
+        self.kept_m.min(self.here_m - (scene.loss_m(length_m, 0.0) + tube_m))
     }
 
     /// One step on; `false` as soon as the rollout cannot keep more than `floor_m`, or breaks a limit.
@@ -234,7 +248,7 @@ pub(crate) struct Wanted {
 pub(crate) fn search(
     scene: &Scene<'_>,
     search: &Search,
-    noise: &Noise,
+    noise: &mut Noise,
     runner: Runner,
     (rate_rad_s, warm): (f64, &[&[Control]]),
     Wanted { above_m, enough_m }: Wanted,
@@ -242,6 +256,8 @@ pub(crate) fn search(
 ) {
     best.value_m = None;
     best.floor_m = above_m.max(0.0);
+    // What no motion can keep more than is enough.
+    let enough_m = enough_m.min(runner.most_m(scene));
     best.controls.clear();
     let limits = scene.assumptions.limits;
     let rate_max = limits.yaw_rate_rad_s_max;
@@ -260,6 +276,7 @@ pub(crate) fn search(
         }
     }
     for round in 0..search.n_rounds {
+        noise.draw((round + 1) * search.n_samples);
         let mut incumbent = std::mem::take(&mut best.trial);
         incumbent.clear();
         // Nothing certified yet: sample around the last solution, else around braking.

@@ -8,6 +8,7 @@
 //! clocks (`heedway bench filter`).
 
 pub mod oracle;
+pub mod service;
 
 mod exact;
 mod field;

@@ -27,8 +27,8 @@ enum Kind {
 pub(crate) trait Work {
     /// What it computes.
     type Output;
-    /// Computes it.
-    fn run(self) -> Self::Output;
+    /// Computes it; `FUSED` where multiplying and adding is one instruction ([`fused`]).
+    fn run<const FUSED: bool>(self) -> Self::Output;
 }
 
 impl Isa {
@@ -95,7 +95,7 @@ impl Isa {
             // SAFETY: as above.
             #[cfg(target_arch = "aarch64")]
             Kind::Neon => unsafe { with_neon(work) },
-            Kind::Scalar => work.run(),
+            Kind::Scalar => work.run::<false>(),
         }
     }
 }
@@ -103,19 +103,25 @@ impl Isa {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi2")]
 fn with_avx512<W: Work>(work: W) -> W::Output {
-    work.run()
+    work.run::<true>()
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi2")]
 fn with_avx2<W: Work>(work: W) -> W::Output {
-    work.run()
+    work.run::<true>()
 }
 
 #[cfg(target_arch = "aarch64")]
 #[target_feature(enable = "neon")]
 fn with_neon<W: Work>(work: W) -> W::Output {
-    work.run()
+    work.run::<true>()
+}
+
+/// a b + c, rounded once where that is one instruction, else twice.
+#[inline(always)]
+pub(crate) fn fused<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {
+    if FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
 impl fmt::Debug for Isa {

@@ -218,7 +218,7 @@ struct Smallest<'a> {
 impl Work for Smallest<'_> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let Smallest { n_cols, layers, least_m, owners, row_least_m } = self;
         let n_rows = least_m.len() / n_cols;
         for row in 0..n_rows {
@@ -259,7 +259,7 @@ struct Steepest<'a> {
 impl Work for Steepest<'_> {
     type Output = [f32; 4];
     #[inline(always)]
-    fn run(self) -> [f32; 4] {
+    fn run<const FUSED: bool>(self) -> [f32; 4] {
         let Steepest { n_cols, least_m } = self;
         let mut largest = [0_i32; 4];
         for row in 0..least_m.len() / n_cols - 1 {
@@ -296,7 +296,7 @@ struct Pack<'a> {
 impl Work for Pack<'_> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let Pack { least_m, quantum_m, words } = self;
         let (lower, upper) = least_m.split_at(least_m.len() / 2);
         let n = words.len().min(lower.len() - 1).min(upper.len() - 1);

@@ -29,7 +29,7 @@ struct Fill<'a> {
 impl Work for Fill<'_> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let (low, high) = (self.key as u32, (self.key >> 32) as u32);
         let n = self.first.len().min(self.second.len());
         let (first, second) = (&mut self.first[..n], &mut self.second[..n]);
@@ -79,13 +79,15 @@ fn sin_cos_of_turn(turn: f32) -> (f32, f32) {
     // Of the half angle, within a quarter turn either way, then doubled.
     let half = turn * std::f32::consts::PI;
     let square = half * half;
-    let sin = half
-        * (1.0
-            - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0 * (1.0 - square / 110.0)))));
-    let cos = 1.0
-        - square / 2.0
-            * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0 * (1.0 - square / 90.0 * (1.0 - square / 132.0)))));
+    let sin = half * series(square, [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0]);
+    let cos = series(square, [-1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0]);
     (2.0 * sin * cos, cos * cos - sin * sin)
+}
+
+/// 1 + c₀ x + c₁ x² + …, by Horner's rule.
+#[inline(always)]
+fn series(x: f32, [a, b, c, d, e]: [f32; 5]) -> f32 {
+    1.0 + x * (a + x * (b + x * (c + x * (d + x * e))))
 }
 
 #[cfg(test)]

@@ -5,6 +5,8 @@
 //! value is never above the true one, and less than a quantum below. The top bit marks a *ridge*, a cell in
 //! which merged layers cross: there the word holds a lower bound, and the layers have to be asked.
 
+use super::isa::fused;
+
 /// Bit 31: several layers cross in this cell, the word is a lower bound only.
 pub(crate) const RIDGE: u32 = 1 << 31;
 /// Largest difference of two neighbours along an axis, in quanta, with one spare for rounding.
@@ -28,14 +30,15 @@ pub(crate) fn packed(corners: [i32; 4], is_ridge: bool) -> u32 {
 
 /// The value inside a cell, in quanta; `share_x` and `share_y` in 0 to 1.
 #[inline(always)]
-pub(crate) fn unpacked(word: u32, share_x: f32, share_y: f32) -> f32 {
+pub(crate) fn unpacked<const FUSED: bool>(word: u32, share_x: f32, share_y: f32) -> f32 {
     let base = ((word << 1) as i32) >> 20;
     let x = ((word << 13) as i32) >> 26;
     let y = ((word << 19) as i32) >> 26;
     let xy = ((word << 25) as i32) >> 25;
     // The profile checks plain subtractions for overflow, which would keep the loop from becoming vectors.
     let both = xy.wrapping_sub(x).wrapping_sub(y) as f32;
-    base as f32 + share_x * x as f32 + share_y * (y as f32 + share_x * both)
+    let along_x = fused::<FUSED>(share_x, x as f32, base as f32);
+    fused::<FUSED>(share_y, fused::<FUSED>(share_x, both, y as f32), along_x)
 }
 
 #[cfg(test)]
@@ -52,7 +55,7 @@ mod tests {
             let quantum = 0.1 / AXIS_MAX;
             let corners = [base, base + x, base + y, base + x + y + xy];
             let word = packed(corners.map(|c| (c / quantum).floor() as i32), is_ridge);
-            let found = quantum * unpacked(word, share_x, share_y);
+            let found = quantum * unpacked::<false>(word, share_x, share_y);
             let lower = corners[0] + share_x * (corners[1] - corners[0]);
             let upper = corners[2] + share_x * (corners[3] - corners[2]);
             let exact = lower + share_y * (upper - lower);

@@ -47,7 +47,7 @@ impl Filter {
         let rate = wanted.yaw_rate_rad_s;
         let goal = Wanted { above_m: 0.0, enough_m: self.config.ample_m };
         let mut best = std::mem::take(&mut self.best);
-        search(scene, &self.search, &self.noise, runner, (rate, &warm), goal, &mut best);
+        search(scene, &self.search, &mut self.noise, runner, (rate, &warm), goal, &mut best);
         let choice = match best.value_m {
             Some(v_safe_m) => {
                 let safest = self.roll(scene, &best.controls);
@@ -125,7 +125,7 @@ impl Filter {
         let warm = [after.as_slice()];
         let from = (first.yaw_rate_rad_s, &warm[..]);
         let continued = &mut self.continued;
-        search(scene, &self.search, &self.noise, runner, from, goal, continued);
+        search(scene, &self.search, &mut self.noise, runner, from, goal, continued);
         continued.value_m.is_some()
     }
 
@@ -221,10 +221,11 @@ impl Filter {
         map
     }
 
-    /// Draws the noise that all scores of this tick share.
+    /// Begins the noise that all scores of this tick share.
     pub(super) fn noise_for_this_tick(&mut self) {
         let Search { n_samples, n_rounds, n_steps, .. } = self.search;
-        self.noise.draw(self.config.seed, self.tick, n_samples * n_rounds, n_steps);
+        // The paper's own filter samples at least one round.
+        self.noise.begin(self.config.seed, self.tick, n_samples * n_rounds.max(1), n_steps);
     }
 
     /// The last solution and the rest of the last plan, as sequences from now.

@@ -42,7 +42,7 @@ pub(crate) struct Perturb<'a> {
 impl Work for Perturb<'_> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let Perturb { incumbent, speed_m_s, noise, controls, bounds, speeds } = self;
         let n = noise.n_lanes;
         let (bounds, speeds) = (&mut bounds[..n], &mut speeds[..n]);

@@ -147,27 +147,49 @@ impl<'s> StandardFilter<'s> {
 
     /// The score of a state with every rollout finished, exactly.
     pub fn score_full(&mut self, start: Pose) -> f64 {
-        let cap = self.margin(start);
+        let cap = self.most(start);
         self.scratch.incumbent.fill([0.0, -ACCEL_M_S2_MAX]);
         let mut best = f64::NEG_INFINITY;
         for round in 0..self.sampling.n_rounds {
             self.draw(round);
             self.perturb(round, start);
             let Scratch { controls, kept_m, .. } = &mut self.scratch;
-            let Sampling { n_samples, n_steps, .. } = self.sampling;
+            let Sampling { n_samples, n_steps, n_rounds, .. } = self.sampling;
             let field = &self.field;
             let floor_m = f32::NEG_INFINITY;
             self.isa.run(Sweep::<true> { field, start, controls, n_lanes: n_samples, n_steps, floor_m, kept_m });
             self.scratch.lanes.clear();
             self.scratch.lanes.extend(0..n_samples);
-            best = self.settle(round, start, (cap, cap), best);
+            // Exact values matter in the last round, and where two samples of another are too close to call.
+            match self.lone_best().filter(|_| round + 1 < n_rounds) {
+                Some(lane) => self.hold(round, lane),
+                None if round + 1 < n_rounds => {
+                    self.settle(round, start, (cap, cap), f64::NEG_INFINITY);
+                }
+                None => best = self.settle(round, start, (cap, cap), f64::NEG_INFINITY),
+            }
         }
         best
     }
 
+    /// The swept lane that is best for sure.
+    fn lone_best(&self) -> Option<usize> {
+        let Scratch { kept_m, lanes, .. } = &self.scratch;
+        let first = lanes.iter().copied().reduce(|a, b| if kept_m[b] > kept_m[a] { b } else { a })?;
+        let is_close = |lane: &&usize| kept_m[**lane] + self.error_m >= kept_m[first];
+        (lanes.iter().filter(is_close).count() == 1).then_some(first)
+    }
+
+    /// Makes a sample the incumbent.
+    fn hold(&mut self, round: usize, lane: usize) {
+        let Scratch { incumbent, found, .. } = &mut self.scratch;
+        perturbed(incumbent, &self.noise[round], lane, found);
+        std::mem::swap(incumbent, found);
+    }
+
     /// The score of a state, exactly; or, once it is known to be at least `enough`, some value from there on.
     pub fn score(&mut self, start: Pose, enough: f64) -> f64 {
-        let cap = self.margin(start);
+        let cap = self.most(start);
         self.scratch.incumbent.fill([0.0, -ACCEL_M_S2_MAX]);
         let (floor, stop) = (f64::NEG_INFINITY, cap.min(enough));
         let mut best = kept(&self.field, start, cap, &self.scratch.incumbent, floor).unwrap_or(floor);
@@ -187,8 +209,14 @@ impl<'s> StandardFilter<'s> {
         best
     }
 
-    fn margin(&self, [x, y, _, v]: Pose) -> f64 {
-        (SPEED_M_S_LIMIT - v).min(YAW_RATE_RAD_S_LIMIT).min(self.field.margin_m(x, y, v))
+    /// The most that any sample can keep: the margin at the start, and that of the next place, which no control
+    /// changes; there the robot is at least as fast as after full braking.
+    fn most(&self, [x, y, yaw, v]: Pose) -> f64 {
+        let here = self.field.margin_m(x, y, v);
+        let (sin, cos) = yaw.sin_cos();
+        let braked = (v - ACCEL_M_S2_MAX * STEP_S).clamp(0.0, SPEED_M_S_MAX);
+        let next = self.field.margin_m(x + v * cos * STEP_S, y + v * sin * STEP_S, braked);
+        (SPEED_M_S_LIMIT - v).min(YAW_RATE_RAD_S_LIMIT).min(here).min(next)
     }
 
     fn draw(&mut self, round: usize) {

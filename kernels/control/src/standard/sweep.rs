@@ -7,7 +7,7 @@ use super::field::Field;
 use super::kinematics::{Lanes, kinematic_margin, least, most, speed_after};
 use super::oracle::Pose;
 use super::*;
-use crate::fast::isa::Work;
+use crate::fast::isa::{Work, fused};
 use crate::fast::packed::{RIDGE, unpacked};
 
 /// Lanes of one pass.
@@ -39,7 +39,7 @@ pub(crate) struct Sweep<'a, 's, const FULL: bool> {
 impl<const FULL: bool> Work for Sweep<'_, '_, FULL> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let Sweep { field, start, controls, n_lanes, n_steps, floor_m, kept_m } = self;
         let origin = Origin::of(field, start);
         for from in (0..n_lanes).step_by(N) {
@@ -49,13 +49,13 @@ impl<const FULL: bool> Work for Sweep<'_, '_, FULL> {
                 let at = step * controls.n_lanes + from;
                 let turns = &controls.turn_rad[at..at + pass.n];
                 let gains = &controls.gain_m_s[at..at + pass.n];
-                let reads = pass.advance::<FULL>(&origin, turns, gains, floor_m);
+                let reads = pass.advance::<FULL, FUSED>(&origin, turns, gains, floor_m);
                 if !FULL && reads & ALIVE == 0 {
                     break;
                 }
                 if FULL || reads & READS != 0 {
                     pass.load(&origin, n);
-                    if pass.judge(&origin) != 0 {
+                    if pass.judge::<FUSED>(&origin) != 0 {
                         pass.settle_ridges(&origin, n);
                     }
                 }
@@ -113,17 +113,15 @@ struct Pass {
     cos: [f32; N],
     speed_m_s: [f32; N],
     kept_m: [f32; N],
+    /// The margin to the limits everywhere in this step.
+    bound_m: [f32; N],
     /// Cells moved in this step.
     moved: [f32; N],
     /// Neither margin can be below this, metres.
     room_m: [f32; N],
     share_x: [f32; N],
     share_y: [f32; N],
-    x_idx: [i32; N],
-    y_idx: [i32; N],
     cell_idx: [i32; N],
-    clear_m: [f32; N],
-    slow_m: [f32; N],
     clear: [u32; N],
     slow: [u32; N],
     ridge: [u32; N],
@@ -141,15 +139,12 @@ impl Pass {
             cos: [cos as f32; N],
             speed_m_s: [speed as f32; N],
             kept_m: [f32::INFINITY; N],
+            bound_m: [f32::INFINITY; N],
             moved: [0.0; N],
             room_m: [f32::NEG_INFINITY; N],
             share_x: [0.0; N],
             share_y: [0.0; N],
-            x_idx: [0; N],
-            y_idx: [0; N],
             cell_idx: [0; N],
-            clear_m: [0.0; N],
-            slow_m: [0.0; N],
             clear: [0; N],
             slow: [0; N],
             ridge: [0; N],
@@ -158,15 +153,12 @@ impl Pass {
 
     /// One step of every lane; where each is then, and what is to be done about it.
     #[inline(always)]
-    fn advance<const FULL: bool>(&mut self, origin: &Origin<'_, '_>, turns: &[f32], gains: &[f32], floor_m: f32) -> u32 {
+    fn advance<const FULL: bool, const FUSED: bool>(&mut self, origin: &Origin<'_, '_>, turns: &[f32], gains: &[f32], floor_m: f32) -> u32 {
         let n = self.n.min(N);
-        move_lanes(n, &mut self.x, &mut self.y, &mut self.moved, &self.sin, &self.cos, &self.speed_m_s);
-        turn_lanes(n, &mut self.sin, &mut self.cos, turns);
-        limit_lanes(n, &mut self.speed_m_s, &mut self.kept_m, turns, gains);
-        place_lanes(n, origin, &mut self.share_x, &mut self.x_idx, &self.x, 0);
-        place_lanes(n, origin, &mut self.share_y, &mut self.y_idx, &self.y, 1);
-        index_lanes(n, origin, &mut self.cell_idx, &self.x_idx, &self.y_idx);
-        if FULL { READS } else { room_lanes(n, &mut self.room_m, &self.moved, &self.kept_m, origin.slope_m, floor_m) }
+        move_lanes::<FUSED>(n, &mut self.x, &mut self.y, &mut self.moved, &mut self.sin, &mut self.cos, &self.speed_m_s, turns);
+        limit_lanes(n, &mut self.speed_m_s, &mut self.bound_m, turns, gains);
+        place_lanes(n, origin, &mut self.share_x, &mut self.share_y, &mut self.cell_idx, &self.x, &self.y);
+        if FULL { READS } else { room_lanes(n, &mut self.room_m, &mut self.kept_m, &self.moved, &self.bound_m, origin.slope_m, floor_m) }
     }
 
     /// Loads the words of every lane's cell.
@@ -183,12 +175,20 @@ impl Pass {
 
     /// Lowers what lanes keep by the margins at their places; not 0 when some lie on a ridge that matters.
     #[inline(always)]
-    fn judge(&mut self, origin: &Origin<'_, '_>) -> u32 {
+    fn judge<const FUSED: bool>(&mut self, origin: &Origin<'_, '_>) -> u32 {
         let n = self.n.min(N);
-        let [clear_quantum_m, slow_quantum_m] = origin.quantum_m;
-        unpack_lanes(n, &mut self.clear_m, &self.clear, &self.share_x, &self.share_y, clear_quantum_m);
-        unpack_lanes(n, &mut self.slow_m, &self.slow, &self.share_x, &self.share_y, slow_quantum_m);
-        judge_lanes(n, &mut self.kept_m, &mut self.room_m, &mut self.ridge, &self.clear_m, &self.slow_m, &self.clear, &self.slow, &self.speed_m_s)
+        judge_lanes::<FUSED>(
+            n,
+            &mut self.kept_m,
+            &self.bound_m,
+            &mut self.room_m,
+            &mut self.ridge,
+            (&self.clear, &self.slow),
+            &self.share_x,
+            &self.share_y,
+            &self.speed_m_s,
+            origin.quantum_m,
+        )
     }
 
     /// Where layers cross, the word is a lower bound only: those lanes ask the layers.
@@ -213,103 +213,119 @@ impl Pass {
 // they do not overlap, and makes vectors of them.
 
 #[inline(always)]
-fn move_lanes(n: usize, x: &mut [f32; N], y: &mut [f32; N], moved: &mut [f32; N], sin: &[f32; N], cos: &[f32; N], speed_m_s: &[f32; N]) {
-    for lane in 0..n {
-        let cells = speed_m_s[lane] * CELLS_PER_SPEED;
-        moved[lane] = cells;
-        x[lane] += cells * cos[lane];
-        y[lane] += cells * sin[lane];
-    }
-}
-
-#[inline(always)]
-fn turn_lanes(n: usize, sin: &mut [f32; N], cos: &mut [f32; N], turns: &[f32]) {
+#[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
+fn move_lanes<const FUSED: bool>(
+    n: usize,
+    x: &mut [f32; N],
+    y: &mut [f32; N],
+    moved: &mut [f32; N],
+    sin: &mut [f32; N],
+    cos: &mut [f32; N],
+    speed_m_s: &[f32; N],
+    turns: &[f32],
+) {
     let turns = &turns[..n];
     for lane in 0..n {
+        let cells = speed_m_s[lane] * CELLS_PER_SPEED;
+        let (s, c) = (sin[lane], cos[lane]);
+        moved[lane] = cells;
+        x[lane] = fused::<FUSED>(cells, c, x[lane]);
+        y[lane] = fused::<FUSED>(cells, s, y[lane]);
         let turn = turns[lane];
         let square = turn * turn;
         // Taylor; a step turns by 0.05 rad at most: error below 1e-10.
-        let by_cos = 1.0 - square * (0.5 - square * (1.0 / 24.0));
-        let by_sin = turn * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0)));
-        let (s, c) = (sin[lane], cos[lane]);
-        sin[lane] = s * by_cos + c * by_sin;
-        cos[lane] = c * by_cos - s * by_sin;
+        let by_cos = fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 24.0, -0.5), 1.0);
+        let by_sin = turn * fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 120.0, -1.0 / 6.0), 1.0);
+        sin[lane] = fused::<FUSED>(s, by_cos, c * by_sin);
+        cos[lane] = fused::<FUSED>(c, by_cos, -s * by_sin);
     }
 }
 
 #[inline(always)]
-fn limit_lanes(n: usize, speed_m_s: &mut [f32; N], kept_m: &mut [f32; N], turns: &[f32], gains: &[f32]) {
+fn limit_lanes(n: usize, speed_m_s: &mut [f32; N], bound_m: &mut [f32; N], turns: &[f32], gains: &[f32]) {
     let (turns, gains) = (&turns[..n], &gains[..n]);
     for lane in 0..n {
         let speed = speed_after(speed_m_s[lane], gains[lane]);
         speed_m_s[lane] = speed;
-        kept_m[lane] = least(kept_m[lane], kinematic_margin(speed, turns[lane]));
+        bound_m[lane] = kinematic_margin(speed, turns[lane]);
     }
 }
 
 #[inline(always)]
-fn place_lanes(n: usize, origin: &Origin<'_, '_>, share: &mut [f32; N], idx: &mut [i32; N], place: &[f32; N], axis: usize) {
-    let (low, high) = (origin.low[axis], origin.high[axis]);
-    for lane in 0..n {
-        let inside = most(least(place[lane], high), low);
-        let rounded = (inside - 0.5) + ROUNDER;
-        share[lane] = inside - (rounded - ROUNDER);
-        idx[lane] = (rounded.to_bits() as i32).wrapping_sub(ROUNDER.to_bits() as i32);
-    }
-}
-
-#[inline(always)]
-fn index_lanes(n: usize, origin: &Origin<'_, '_>, cell_idx: &mut [i32; N], x_idx: &[i32; N], y_idx: &[i32; N]) {
+fn place_lanes(
+    n: usize,
+    origin: &Origin<'_, '_>,
+    share_x: &mut [f32; N],
+    share_y: &mut [f32; N],
+    cell_idx: &mut [i32; N],
+    x: &[f32; N],
+    y: &[f32; N],
+) {
+    let ([low_x, low_y], [high_x, high_y]) = (origin.low, origin.high);
     let (stride, first) = (origin.stride, origin.cell_idx);
+    let whole = |rounded: f32| (rounded.to_bits() as i32).wrapping_sub(ROUNDER.to_bits() as i32);
     for lane in 0..n {
-        cell_idx[lane] = y_idx[lane].wrapping_mul(stride).wrapping_add(x_idx[lane]).wrapping_add(first);
+        let inside_x = most(least(x[lane], high_x), low_x);
+        let inside_y = most(least(y[lane], high_y), low_y);
+        let (col, row) = ((inside_x - 0.5) + ROUNDER, (inside_y - 0.5) + ROUNDER);
+        share_x[lane] = inside_x - (col - ROUNDER);
+        share_y[lane] = inside_y - (row - ROUNDER);
+        cell_idx[lane] = whole(row).wrapping_mul(stride).wrapping_add(whole(col)).wrapping_add(first);
     }
 }
 
 #[inline(always)]
-fn room_lanes(n: usize, room_m: &mut [f32; N], moved: &[f32; N], kept_m: &[f32; N], slope_m: f32, floor_m: f32) -> u32 {
+fn room_lanes(
+    n: usize,
+    room_m: &mut [f32; N],
+    kept_m: &mut [f32; N],
+    moved: &[f32; N],
+    bound_m: &[f32; N],
+    slope_m: f32,
+    floor_m: f32,
+) -> u32 {
     let mut reads = 0;
     for lane in 0..n {
         let room = room_m[lane] - slope_m * moved[lane] - 1e-6;
         room_m[lane] = room;
-        let is_alive = kept_m[lane] > floor_m;
+        let kept = least(kept_m[lane], bound_m[lane]);
+        kept_m[lane] = kept;
+        let is_alive = kept > floor_m;
         reads |= if is_alive { ALIVE } else { 0 };
-        reads |= if is_alive & (room < kept_m[lane]) { READS } else { 0 };
+        reads |= if is_alive & (room < kept) { READS } else { 0 };
     }
     reads
 }
 
 #[inline(always)]
-fn unpack_lanes(n: usize, margin_m: &mut [f32; N], words: &[u32; N], share_x: &[f32; N], share_y: &[f32; N], quantum_m: f32) {
-    for lane in 0..n {
-        margin_m[lane] = quantum_m * unpacked(words[lane], share_x[lane], share_y[lane]);
-    }
-}
-
-#[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
-fn judge_lanes(
+fn judge_lanes<const FUSED: bool>(
     n: usize,
     kept_m: &mut [f32; N],
+    bound_m: &[f32; N],
     room_m: &mut [f32; N],
     ridge: &mut [u32; N],
-    clear_m: &[f32; N],
-    slow_m: &[f32; N],
-    clear: &[u32; N],
-    slow: &[u32; N],
+    (clear, slow): (&[u32; N], &[u32; N]),
+    share_x: &[f32; N],
+    share_y: &[f32; N],
     speed_m_s: &[f32; N],
+    [clear_quantum_m, slow_quantum_m]: [f32; 2],
 ) -> u32 {
     let mut ridges = 0;
     for lane in 0..n {
-        let eased_m = most(slow_m[lane], SLOW_SPEED_M_S as f32 - speed_m_s[lane]);
-        let here_m = least(clear_m[lane], eased_m);
-        let kept = kept_m[lane];
+        let (x, y) = (share_x[lane], share_y[lane]);
+        let clear_m = clear_quantum_m * unpacked::<FUSED>(clear[lane], x, y);
+        let slow_m = slow_quantum_m * unpacked::<FUSED>(slow[lane], x, y);
+        let eased_m = most(slow_m, SLOW_SPEED_M_S as f32 - speed_m_s[lane]);
+        let here_m = least(clear_m, eased_m);
+        // Not the loaded value itself is chosen from: that would make a masked store, which the next load waits for.
+        let kept = least(kept_m[lane], bound_m[lane]);
         let lowers = if here_m < kept { 1 } else { 0 };
         let is_ridge = ((clear[lane] | slow[lane]) >> 31) & lowers;
         ridge[lane] = is_ridge;
         ridges |= is_ridge;
         kept_m[lane] = if is_ridge != 0 { kept } else { least(kept, here_m) };
-        room_m[lane] = least(clear_m[lane], slow_m[lane]);
+        room_m[lane] = least(clear_m, slow_m);
     }
     ridges
 }
