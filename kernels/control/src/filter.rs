@@ -14,6 +14,7 @@ use crate::config::{ConfigError, FilterConfig, Method};
 use crate::decision::{Action, Certified, Decision, binding, words};
 use crate::dynamics::{Control, Limits, State};
 use crate::exit::ExitMap;
+use crate::fast::Isa;
 use crate::latency::OnTheWay;
 use crate::margin::{Demand, World};
 use crate::noise::Noise;
@@ -111,6 +112,15 @@ impl Filter {
             continued: Best::default(),
             spare: Vec::new(),
         })
+    }
+
+    /// The same filter on these instructions instead of the widest that the processor has, to compare them: what
+    /// it decides is the same.
+    #[must_use]
+    pub fn on(mut self, isa: Isa) -> Filter {
+        self.noise = Noise::on(isa);
+        self.spare = vec![PointIndex::on(isa)];
+        self
     }
 
     /// The configuration in force.

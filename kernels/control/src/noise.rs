@@ -17,12 +17,16 @@ pub(crate) struct Noise {
 
 impl Default for Noise {
     fn default() -> Self {
-        let (first, second) = (Vec::new(), Vec::new());
-        Noise { isa: Isa::detect(), key: 0, n_steps: 0, n_drawn: 0, first, second }
+        Noise::on(Isa::detect())
     }
 }
 
 impl Noise {
+    /// No draws yet.
+    pub(crate) fn on(isa: Isa) -> Noise {
+        Noise { isa, key: 0, n_steps: 0, n_drawn: 0, first: Vec::new(), second: Vec::new() }
+    }
+
     /// Begins the draws of a tick: up to `n_sequences` of `n_steps` controls, the same for the same seed and tick.
     pub(crate) fn begin(&mut self, seed: u64, tick: u64, n_sequences: usize, n_steps: usize) {
         self.key = normal::key(seed, tick);

@@ -43,17 +43,23 @@ struct Lists {
     turn: u32,
     /// For each cell when it was made and the range of its candidates.
     ranges: Vec<(u32, u32, u32)>,
-    candidates: Vec<Point2>,
+    /// Candidates of all cells, each cell's padded to whole blocks.
+    candidate_x_m: Vec<f64>,
+    candidate_y_m: Vec<f64>,
 }
 
 impl Default for PointIndex {
     fn default() -> Self {
-        let (low, lists) = (Point2::origin(), RefCell::default());
-        PointIndex { isa: Isa::detect(), low, n_side: 0, reach_m: 0.0, lists }
+        PointIndex::on(Isa::detect())
     }
 }
 
 impl PointIndex {
+    /// An index of nothing.
+    pub(crate) fn on(isa: Isa) -> PointIndex {
+        PointIndex { isa, low: Point2::origin(), n_side: 0, reach_m: 0.0, lists: RefCell::default() }
+    }
+
     /// Makes it an index of the finite points within `reach_m` of `centre`; `false` when there are none.
     pub(crate) fn fill(
         &mut self,
@@ -81,7 +87,8 @@ impl PointIndex {
         let half_m = self.n_side as f64 * CELL_M / 2.0;
         self.low = Point2::new(centre.x - half_m, centre.y - half_m);
         self.reach_m = reach_m;
-        lists.candidates.clear();
+        lists.candidate_x_m.clear();
+        lists.candidate_y_m.clear();
         lists.turn = lists.turn.wrapping_add(1);
         if lists.turn == 0 {
             // After four billion uses an old range could look new.
@@ -108,8 +115,10 @@ impl PointIndex {
             (from, to) = lists.list(self.isa, centre);
             lists.ranges[cell_idx] = (lists.turn, from, to);
         }
-        let nearest = lists.candidates[from as usize..to as usize].iter().map(|p| (p - place).norm_squared());
-        nearest.fold(f64::INFINITY, f64::min).sqrt().min(self.reach_m)
+        let Lists { candidate_x_m, candidate_y_m, square_m2, .. } = &mut *lists;
+        let range = from as usize..to as usize;
+        let (x_m, y_m) = (&candidate_x_m[range.clone()], &candidate_y_m[range]);
+        self.isa.run(Distances { x_m, y_m, square_m2, place }).sqrt().min(self.reach_m)
     }
 }
 
@@ -120,17 +129,21 @@ impl Lists {
         let nearest_m = self.distances_from(isa, centre).sqrt();
         let limit_m = nearest_m + CELL_M * std::f64::consts::SQRT_2 + 1e-9;
         let limit_m2 = limit_m * limit_m;
-        let from = self.candidates.len() as u32;
+        let from = self.candidate_x_m.len() as u32;
         for (block, square_m2) in self.square_m2.chunks_exact(N_BLOCK).enumerate() {
             if square_m2.iter().fold(0, |any, d| any | u32::from(*d <= limit_m2)) == 0 {
                 continue;
             }
             for (k, _) in square_m2.iter().enumerate().filter(|(_, d)| **d <= limit_m2) {
                 let at = block * N_BLOCK + k;
-                self.candidates.push(Point2::new(self.x_m[at], self.y_m[at]));
+                self.candidate_x_m.push(self.x_m[at]);
+                self.candidate_y_m.push(self.y_m[at]);
             }
         }
-        (from, self.candidates.len() as u32)
+        let n_padded = self.candidate_x_m.len().next_multiple_of(N_BLOCK);
+        self.candidate_x_m.resize(n_padded, NOWHERE_M);
+        self.candidate_y_m.resize(n_padded, NOWHERE_M);
+        (from, n_padded as u32)
     }
 
     /// Notes the squared distance of every point from a place; the smallest, m².

@@ -10,7 +10,7 @@ use geometry::Point2;
 
 use crate::dynamics::{Control, Moved, State};
 use crate::noise::Noise;
-use crate::scene::{Assumptions, Scene};
+use crate::scene::{Assumptions, Scene, Shape};
 
 /// Fields interpolated bilinearly change by at most this much a metre.
 const FIELD_SLOPE: f64 = std::f64::consts::SQRT_2;
@@ -134,18 +134,27 @@ impl Runner {
     fn nearest_m(&self, scene: &Scene<'_>, guard_m: f64) -> f64 {
         let place = Point2::new(self.x_m, self.y_m);
         let fallen_m = FIELD_SLOPE * self.path_m + scene.assumptions.closing_speed_m_s * self.moving_s;
-        let mut nearest_m = f64::INFINITY;
+        let (mut nearest_m, mut skipped_m) = (f64::INFINITY, f64::INFINITY);
         for layer in &scene.spatial {
             let bound_m = layer.start_m - fallen_m;
             // Layers are sorted by their margin at the start: the rest is farther still.
             if bound_m >= nearest_m || bound_m - guard_m >= self.kept_m {
-                return nearest_m.min(bound_m);
+                skipped_m = skipped_m.min(bound_m);
+                break;
+            }
+            if let Shape::Points(_, closing_m_s) = layer.shape {
+                // The distance to a point falls no faster than the robot moves.
+                let bound_m = layer.start_m - self.path_m - closing_m_s * self.moving_s;
+                if bound_m >= nearest_m || bound_m - guard_m >= self.kept_m {
+                    skipped_m = skipped_m.min(bound_m);
+                    continue;
+                }
             }
             if !layer.soft {
                 nearest_m = nearest_m.min(layer.margin_m(place, self.moving_s));
             }
         }
-        nearest_m
+        nearest_m.min(skipped_m)
     }
 
     fn zones_here(&self, scene: &Scene<'_>, tube_m: f64) -> u64 {

@@ -59,7 +59,13 @@ impl Merged {
         let n = n_cols * n_rows;
         let (mut least_m, mut owners) = (vec![f32::INFINITY; n], vec![0_u32; n]);
         let mut row_least_m = vec![0.0_f32; layers.len() * n_rows];
-        isa.run(Smallest { n_cols, layers, least_m: &mut least_m, owners: &mut owners, row_least_m: &mut row_least_m });
+        isa.run(Smallest {
+            n_cols,
+            layers,
+            least_m: &mut least_m,
+            owners: &mut owners,
+            row_least_m: &mut row_least_m,
+        });
         let mut merged = Merged { n_cols, n_rows, owners, ridge_starts: vec![0], ..Merged::default() };
         let mut steepest = isa.run(Steepest { n_cols, least_m: &least_m });
         let mut marked = Vec::new();
@@ -111,17 +117,19 @@ impl Merged {
             let [a, b, c, d] = [0, 1, n_cols, n_cols + 1].map(|at| owners[cell_idx + at]);
             a != b || a != c || a != d
         };
-        let ridges: Vec<usize> =
-            (row_start..row_start + n_cols - 1).filter(|cell_idx| is_ridge(&self.owners, *cell_idx)).collect();
+        let ridges: Vec<usize> = (row_start..row_start + n_cols - 1)
+            .filter(|cell_idx| is_ridge(&self.owners, *cell_idx))
+            .collect();
         let first_corners = |cell_idx: usize| {
             let owner = layers[self.owners[cell_idx] as usize];
             corners(owner.values_m, n_cols, cell_idx).map(|v| v - owner.keep_m)
         };
-        let highest_m =
-            ridges.iter().flat_map(|idx| first_corners(*idx)).fold(f32::NEG_INFINITY, f32::max);
+        let highest_m = ridges.iter().flat_map(|idx| first_corners(*idx)).fold(f32::NEG_INFINITY, f32::max);
         // Layers that are larger all along the row than any ridge's first layer matter to none of them.
         let matter: Vec<usize> = (0..layers.len())
-            .filter(|idx| row_least_m[idx * self.n_rows + row].min(row_least_m[idx * self.n_rows + row + 1]) < highest_m)
+            .filter(|idx| {
+                row_least_m[idx * self.n_rows + row].min(row_least_m[idx * self.n_rows + row + 1]) < highest_m
+            })
             .collect();
         for cell_idx in ridges {
             let owner = self.owners[cell_idx] as usize;
@@ -174,12 +182,18 @@ impl Merged {
 
     /// The exact margin in a cell, metres, and the layer that it is to.
     #[inline]
-    pub(crate) fn exact_m(&self, layers: &[MergeLayer<'_>], cell_idx: usize, (x, y): (f64, f64)) -> (f64, usize) {
+    pub(crate) fn exact_m(
+        &self,
+        layers: &[MergeLayer<'_>],
+        cell_idx: usize,
+        (x, y): (f64, f64),
+    ) -> (f64, usize) {
         let mut least = (f64::INFINITY, 0);
         for idx in self.layers_of(cell_idx) {
             let layer = layers[idx];
             let [a, b, c, d] = corners(layer.values_m, self.n_cols, cell_idx).map(f64::from);
-            let value = (1.0 - y) * ((1.0 - x) * a + x * b) + y * ((1.0 - x) * c + x * d) - f64::from(layer.keep_m);
+            let value =
+                (1.0 - y) * ((1.0 - x) * a + x * b) + y * ((1.0 - x) * c + x * d) - f64::from(layer.keep_m);
             if value < least.0 {
                 least = (value, idx);
             }
@@ -226,14 +240,21 @@ impl Work for Smallest<'_> {
             let (least_m, owners) = (&mut least_m[range.clone()], &mut owners[range.clone()]);
             for (layer_idx, layer) in layers.iter().enumerate() {
                 let values_m = &layer.values_m[range.clone()];
-                row_least_m[layer_idx * n_rows + row] = smallest_row(layer_idx as u32, values_m, layer.keep_m, least_m, owners);
+                row_least_m[layer_idx * n_rows + row] =
+                    smallest_row(layer_idx as u32, values_m, layer.keep_m, least_m, owners);
             }
         }
     }
 }
 
 #[inline(always)]
-fn smallest_row(layer_idx: u32, values_m: &[f32], keep_m: f32, least_m: &mut [f32], owners: &mut [u32]) -> f32 {
+fn smallest_row(
+    layer_idx: u32,
+    values_m: &[f32],
+    keep_m: f32,
+    least_m: &mut [f32],
+    owners: &mut [u32],
+) -> f32 {
     let n = values_m.len().min(least_m.len()).min(owners.len());
     let (values_m, least_m, owners) = (&values_m[..n], &mut least_m[..n], &mut owners[..n]);
     // Order of floats as order of integers, which the compiler may reduce in any order.

@@ -79,7 +79,8 @@ fn sin_cos_of_turn(turn: f32) -> (f32, f32) {
     // Of the half angle, within a quarter turn either way, then doubled.
     let half = turn * std::f32::consts::PI;
     let square = half * half;
-    let sin = half * series(square, [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0]);
+    let sin =
+        half * series(square, [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0]);
     let cos = series(square, [-1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0]);
     (2.0 * sin * cos, cos * cos - sin * sin)
 }

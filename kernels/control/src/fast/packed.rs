@@ -19,7 +19,15 @@ pub(crate) const BASE_MAX: i32 = 2047;
 /// A cell's word from its corners (x, y), (x+1, y), (x, y+1), (x+1, y+1), in quanta rounded down.
 #[inline(always)]
 pub(crate) fn packed(corners: [i32; 4], is_ridge: bool) -> u32 {
-    let clamped = |value: i32, low: i32, high: i32| if value < low { low } else if value > high { high } else { value };
+    let clamped = |value: i32, low: i32, high: i32| {
+        if value < low {
+            low
+        } else if value > high {
+            high
+        } else {
+            value
+        }
+    };
     let base = clamped(corners[0], -BASE_MAX - 1, BASE_MAX);
     let x = clamped(corners[1].wrapping_sub(base), -32, 31);
     let y = clamped(corners[2].wrapping_sub(base), -32, 31);

@@ -76,21 +76,22 @@ impl Filter {
         (v_safe_m, safest): (f64, &Plan),
     ) -> Option<Choice> {
         let config = &self.config;
-        let (candidates, needed_m) = match config.method {
-            Method::LeastRestrictive => (vec![wanted], config.epsilon_m),
-            _ => {
-                let capped = capped(scene, nominal, config.step_s);
-                let kept_share = 1.0 - config.gamma_per_s * config.step_s;
-                let all = primitives(wanted, capped, &scene.assumptions.limits);
-                (all, kept_share * v_safe_m.min(config.ample_m))
-            }
+        let (is_blending, needed_m) = match config.method {
+            Method::LeastRestrictive => (false, config.epsilon_m),
+            _ => (true, (1.0 - config.gamma_per_s * config.step_s) * v_safe_m.min(config.ample_m)),
         };
-        let passed = candidates.iter().position(|&first| self.continues(scene, safest, first, needed_m));
+        let capped = capped(scene, nominal, config.step_s);
+        // The nominal control is the nearest of the primitives; the others are made when it does not pass.
+        let mut passed = self.continues(scene, safest, wanted, needed_m).then_some(wanted);
+        if passed.is_none() && is_blending {
+            let others = primitives(wanted, capped, &scene.assumptions.limits);
+            passed = others.into_iter().skip(1).find(|&first| self.continues(scene, safest, first, needed_m));
+        }
         let (plan, action, v_sent_m) = match passed {
-            Some(idx) => {
-                let mut controls = vec![candidates[idx]];
+            Some(first) => {
+                let mut controls = vec![first];
                 controls.extend(&self.continued.controls);
-                let action = if idx == 0 { Action::Passed } else { Action::Blended };
+                let action = if first == wanted { Action::Passed } else { Action::Blended };
                 (self.roll(scene, &controls), action, self.continued.value_m.unwrap_or(v_safe_m))
             }
             None => (safest.clone(), Action::Backup, v_safe_m),

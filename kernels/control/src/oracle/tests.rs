@@ -145,7 +145,7 @@ fn the_score_is_the_oracles_and_never_falls_over_the_rounds() {
         let scene = Scene::of(&case.world, case.start, case.assumptions, &|_| false);
         let (mut noise, mut last) = (Noise::default(), None);
         noise.begin(seed, 1, 12 * 4, 12);
-            noise.draw(usize::MAX / 1024);
+        noise.draw(usize::MAX / 1024);
         for n_rounds in 0..=4 {
             let parameters = Search { n_rounds, ..search_of(&case.config) };
             let mut best = Best::default();

@@ -12,7 +12,13 @@ pub(crate) type Controls = Vec<[f64; 2]>;
 ///
 /// Fields are read only where they can lower it: margins cannot fall faster than their true Lipschitz
 /// constant lets them.
-pub(crate) fn kept(field: &Field<'_>, start: Pose, cap: f64, controls: &[[f64; 2]], floor: f64) -> Option<f64> {
+pub(crate) fn kept(
+    field: &Field<'_>,
+    start: Pose,
+    cap: f64,
+    controls: &[[f64; 2]],
+    floor: f64,
+) -> Option<f64> {
     let [mut x, mut y, yaw, mut v] = start;
     let (mut sin, mut cos) = yaw.sin_cos();
     let slope = f64::from(field.slope_m()) / CELL_M;
@@ -50,6 +56,7 @@ pub(crate) fn kept(field: &Field<'_>, start: Pose, cap: f64, controls: &[[f64; 2
 fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
     let square = turn * turn;
     let by_cos = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)));
-    let by_sin = turn * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))));
+    let by_sin =
+        turn * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))));
     (sin * by_cos + cos * by_sin, cos * by_cos - sin * by_sin)
 }

@@ -112,5 +112,8 @@ pub(crate) fn speed_after(speed_m_s: f32, gain_m_s: f32) -> f32 {
 /// The margin that a speed and a turn in a step leave to the limits everywhere.
 #[inline(always)]
 pub(crate) fn kinematic_margin(speed_m_s: f32, turn_rad: f32) -> f32 {
-    least(SPEED_M_S_LIMIT as f32 - speed_m_s, YAW_RATE_RAD_S_LIMIT as f32 - turn_rad.abs() * (1.0 / STEP_S) as f32)
+    least(
+        SPEED_M_S_LIMIT as f32 - speed_m_s,
+        YAW_RATE_RAD_S_LIMIT as f32 - turn_rad.abs() * (1.0 / STEP_S) as f32,
+    )
 }

@@ -84,7 +84,12 @@ pub fn score(scene: &Scene, sampling: &Sampling, start: [f64; 4], noise: &Noise<
 
 /// The scores of the present state and of the states one step on, and the primitive chosen.
 #[must_use]
-pub fn step(scene: &Scene, sampling: &Sampling, state: [f64; 6], noise: &Noise<'_>) -> (f64, Vec<f64>, usize) {
+pub fn step(
+    scene: &Scene,
+    sampling: &Sampling,
+    state: [f64; 6],
+    noise: &Noise<'_>,
+) -> (f64, Vec<f64>, usize) {
     let [x, y, yaw, v, rate, accel] = state;
     let start = [x, y, yaw, v];
     let here = score(scene, sampling, start, noise);

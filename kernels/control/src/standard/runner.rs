@@ -93,6 +93,11 @@ impl<'s> StandardFilter<'s> {
         }
     }
 
+    /// Merges the fields again, as when a map has changed.
+    pub fn merge(&mut self) {
+        self.field = Field::of(self.isa, self.scene);
+    }
+
     /// Begins another step: its noise is drawn anew, when it is needed.
     pub fn begin(&mut self, tick: u64) {
         self.tick = tick;
@@ -157,7 +162,15 @@ impl<'s> StandardFilter<'s> {
             let Sampling { n_samples, n_steps, n_rounds, .. } = self.sampling;
             let field = &self.field;
             let floor_m = f32::NEG_INFINITY;
-            self.isa.run(Sweep::<true> { field, start, controls, n_lanes: n_samples, n_steps, floor_m, kept_m });
+            self.isa.run(Sweep::<true> {
+                field,
+                start,
+                controls,
+                n_lanes: n_samples,
+                n_steps,
+                floor_m,
+                kept_m,
+            });
             self.scratch.lanes.clear();
             self.scratch.lanes.extend(0..n_samples);
             // Exact values matter in the last round, and where two samples of another are too close to call.

@@ -153,12 +153,39 @@ impl Pass {
 
     /// One step of every lane; where each is then, and what is to be done about it.
     #[inline(always)]
-    fn advance<const FULL: bool, const FUSED: bool>(&mut self, origin: &Origin<'_, '_>, turns: &[f32], gains: &[f32], floor_m: f32) -> u32 {
+    fn advance<const FULL: bool, const FUSED: bool>(
+        &mut self,
+        origin: &Origin<'_, '_>,
+        turns: &[f32],
+        gains: &[f32],
+        floor_m: f32,
+    ) -> u32 {
         let n = self.n.min(N);
-        move_lanes::<FUSED>(n, &mut self.x, &mut self.y, &mut self.moved, &mut self.sin, &mut self.cos, &self.speed_m_s, turns);
+        move_lanes::<FUSED>(
+            n,
+            &mut self.x,
+            &mut self.y,
+            &mut self.moved,
+            &mut self.sin,
+            &mut self.cos,
+            &self.speed_m_s,
+            turns,
+        );
         limit_lanes(n, &mut self.speed_m_s, &mut self.bound_m, turns, gains);
         place_lanes(n, origin, &mut self.share_x, &mut self.share_y, &mut self.cell_idx, &self.x, &self.y);
-        if FULL { READS } else { room_lanes(n, &mut self.room_m, &mut self.kept_m, &self.moved, &self.bound_m, origin.slope_m, floor_m) }
+        if FULL {
+            READS
+        } else {
+            room_lanes(
+                n,
+                &mut self.room_m,
+                &mut self.kept_m,
+                &self.moved,
+                &self.bound_m,
+                origin.slope_m,
+                floor_m,
+            )
+        }
     }
 
     /// Loads the words of every lane's cell.

@@ -16,7 +16,12 @@ fn scene(seed: u64, n_side: usize, n_layers: usize) -> Scene {
             let boxes: Vec<[f64; 4]> = (0..n_boxes)
                 .map(|_| {
                     let side = n_side as f64;
-                    [chance.random_range(0.0..side), chance.random_range(0.0..side), chance.random_range(1.0..8.0), chance.random_range(1.0..8.0)]
+                    [
+                        chance.random_range(0.0..side),
+                        chance.random_range(0.0..side),
+                        chance.random_range(1.0..8.0),
+                        chance.random_range(1.0..8.0),
+                    ]
                 })
                 .collect();
             (0..n_side * n_side)
@@ -26,7 +31,11 @@ fn scene(seed: u64, n_side: usize, n_layers: usize) -> Scene {
                         let (dx, dy) = ((x - bx).abs() - hx, (y - by).abs() - hy);
                         dx.max(0.0).hypot(dy.max(0.0)) + dx.max(dy).min(0.0)
                     };
-                    let cells = boxes.iter().map(to_box).fold(f64::INFINITY, f64::min).min(x.min(y).min(n_side as f64 - 1.0 - x));
+                    let cells = boxes
+                        .iter()
+                        .map(to_box)
+                        .fold(f64::INFINITY, f64::min)
+                        .min(x.min(y).min(n_side as f64 - 1.0 - x));
                     (if cells > 0.0 { cells + 0.5 } else { cells - 0.5 } * CELL_M) as f32
                 })
                 .collect()
@@ -36,7 +45,14 @@ fn scene(seed: u64, n_side: usize, n_layers: usize) -> Scene {
     while scene.states.len() < 24 {
         let place = |c: &mut Xoshiro256PlusPlus| c.random_range(0.6..n_side as f64 * CELL_M - 0.6);
         let (x, y) = (place(&mut chance), place(&mut chance));
-        let state = [x, y, chance.random_range(-3.1..3.1), chance.random_range(0.0..1.2), chance.random_range(-0.8..0.8), chance.random_range(-2.0..2.0)];
+        let state = [
+            x,
+            y,
+            chance.random_range(-3.1..3.1),
+            chance.random_range(0.0..1.2),
+            chance.random_range(-0.8..0.8),
+            chance.random_range(-2.0..2.0),
+        ];
         // One in six anywhere, in violation too.
         if scene.states.len() % 6 == 0 || oracle::margin(&scene, [x, y, 0.0, 0.0], 0.0) > 0.0 {
             scene.states.push(state);
@@ -54,7 +70,8 @@ fn agrees(seed: u64, n_layers: usize, n_steps: usize, isa: Isa) {
     let mut fast = StandardFilter::new(isa, &scene, sampling);
     for (tick, state) in scene.states.iter().enumerate() {
         fast.begin(tick as u64);
-        let noise: Vec<(f64, f64)> = (0..2 * n_steps * 50).map(|k| fast.noise(k / (n_steps * 50), k / 50 % n_steps, k % 50)).collect();
+        let noise: Vec<(f64, f64)> =
+            (0..2 * n_steps * 50).map(|k| fast.noise(k / (n_steps * 50), k / 50 % n_steps, k % 50)).collect();
         let (here, next, choice) =
             oracle::step(&scene, &sampling, *state, &|r, s, k| noise[(r * n_steps + s) * 50 + k]);
         let [x, y, yaw, v, ..] = *state;
