@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use service::life::{EXIT_FAILED, EXIT_OK, EXIT_USAGE};
 
-use crate::{carry, demo, parse, rules_list, say, slam, watch};
+use crate::{bench, carry, demo, parse, rules_list, say, slam, watch};
 
 /// Tell a robot in plain words what to heed, and see that it does.
 #[derive(Parser, Debug)]
@@ -30,6 +30,9 @@ enum Command {
     Parse(parse::Arguments),
     /// Map a recorded laser log.
     Slam(slam::Arguments),
+    /// Time the parts that a robot's computer waits for.
+    #[command(subcommand)]
+    Bench(bench::Bench),
     /// Run one service in this process.
     Service(carry::Arguments),
 }
@@ -52,6 +55,7 @@ pub fn run() -> ExitCode {
         Command::Watch(arguments) => in_runtime(watch::run(arguments)),
         Command::Parse(arguments) => told(parse::run(&arguments)),
         Command::Slam(arguments) => told(slam::run(&arguments)),
+        Command::Bench(what) => told(bench::run(&what)),
         // It starts a runtime of its own.
         Command::Service(arguments) => carry::run(&arguments),
     }
