@@ -25,10 +25,14 @@ pub fn put_right(tokens: &[Token]) -> Option<(Vec<Token>, Vec<Slip>)> {
     let mut out = tokens.to_vec();
     let mut told = Vec::new();
     let mut n_fixes = 0;
+    // After an article or a word we do not know, a name is likelier than a slip: "fume hood".
+    let mut in_name = false;
     for token in &mut out {
         let word = token.text.clone();
+        let after_name = std::mem::replace(&mut in_name, false);
         let n_chars = word.chars().count();
         let unknown = !lexicon.knows(&word) && !nouns.knows(&word) && !token.is_mark();
+        in_name = unknown || nouns.knows(&word) || lexicon.is_article(&word);
         if !unknown
             || !(4..=CHARS_MAX).contains(&n_chars)
             || word.starts_with(|c: char| c.is_ascii_digit())
@@ -39,8 +43,9 @@ pub fn put_right(tokens: &[Token]) -> Option<(Vec<Token>, Vec<Slip>)> {
         if let Some(noun) = noun_for(&word) {
             told.push((word, noun.clone()));
             token.text = noun;
-        } else if let Some(trigger) = trigger_for(&word) {
+        } else if let Some(trigger) = trigger_for(&word).filter(|_| !after_name) {
             token.text = trigger;
+            in_name = false;
         } else {
             continue;
         }
