@@ -13,6 +13,9 @@ use crate::noun::{Name, Nouns};
 use crate::quantity::{Bound, Kind};
 use crate::segment::Join;
 
+/// Most names that a pronoun may mean. Chosen: people point back one sentence, not ten.
+const N_MENTIONS_MAX: usize = 8;
+
 /// Joins the stretches of one utterance.
 #[must_use]
 pub fn combine(drafts: Vec<Draft>) -> Clauses {
@@ -117,6 +120,14 @@ impl Joiner {
             loose.reverse();
         }
         self.mentioned.extend(loose);
+        self.forget_old_mentions();
+    }
+
+    /// What was said long before is meant by no pronoun; and the work stays linear in the words.
+    fn forget_old_mentions(&mut self) {
+        for names in [&mut self.mentioned, &mut self.mentioned_places] {
+            names.drain(..names.len().saturating_sub(N_MENTIONS_MAX));
+        }
     }
 
     fn reason(&mut self, draft: Draft) {
@@ -213,6 +224,7 @@ impl Joiner {
         if let Some(condition) = self.condition.take() {
             clause.is_conditioned = clause.draft.regions.is_empty() && clause.draft.names.is_empty();
             self.mentioned.extend(condition.all_names().filter(|name| !name.is_pronoun).cloned());
+            self.forget_old_mentions();
             apply(&mut clause, &condition);
         }
         self.about_the_story(&mut clause);
@@ -432,6 +444,7 @@ impl Joiner {
 
     fn names_or_places(&mut self, draft: Draft, goes_on: bool) {
         self.mentioned.extend(draft.all_names().filter(|name| !name.is_pronoun).cloned());
+        self.forget_old_mentions();
         if draft.names.is_empty() && draft.regions.is_empty() && draft.except.is_empty() {
             return;
         }

@@ -75,6 +75,7 @@ impl Draft {
     /// Whether a sense was met.
     #[must_use]
     pub fn has(&self, sense: Sense) -> bool {
+        crate::steps::step();
         self.senses.contains(&sense)
     }
 

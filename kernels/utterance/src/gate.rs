@@ -117,6 +117,7 @@ pub fn is_unsafe(text: &str) -> Option<Unsafe> {
 
 /// The tokens of the longest phrase at `at`.
 fn longest(phrases: &Phrases, words: &[Token], at: usize) -> Option<usize> {
+    crate::steps::step();
     let matches = |phrase: &&Vec<String>| {
         let here = words.get(at..at + phrase.len());
         here.is_some_and(|here| here.iter().zip(phrase.iter()).all(|(token, word)| token.text == *word))

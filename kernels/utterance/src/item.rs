@@ -31,6 +31,7 @@ impl Item {
     /// Whether one of its senses is this.
     #[must_use]
     pub fn is(&self, sense: Sense) -> bool {
+        crate::steps::step();
         matches!(self.sort, Sort::Phrase(senses) if senses.contains(&sense))
     }
 

@@ -345,6 +345,7 @@ fn sort_longest_first<T>(phrases: &mut Phrases<T>) {
 }
 
 fn longest<'a, T>(phrases: &'a Phrases<T>, tokens: &[Token], at: usize) -> Option<(&'a T, usize)> {
+    crate::steps::step();
     let first = tokens.get(at)?;
     phrases.get(&first.text)?.iter().find_map(|phrase| {
         let here = tokens.get(at..at + phrase.words.len())?;

@@ -142,6 +142,7 @@ impl Nouns {
     /// The one word we compare by.
     #[must_use]
     pub fn canonical(&self, name: &str) -> String {
+        crate::steps::step();
         if let Some(first) = self.synonym_of.get(name) {
             return first.clone();
         }

@@ -46,6 +46,7 @@ const NOUNABLE: [Sense; 29] = [
 /// another sense may open it.
 #[must_use]
 pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, usize)> {
+    crate::steps::step();
     let mut idx = at;
     let mut universal = false;
     let mut determined = false;

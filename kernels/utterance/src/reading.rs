@@ -59,6 +59,9 @@ pub fn parse(active: &[Rule], profile: &Profile, words: &str) -> Reply {
     }
 }
 
+/// Most rules of one utterance. Chosen: more cannot be read back, and a robot holds no more.
+const N_RULES_MAX: usize = 16;
+
 struct Context<'a> {
     active: &'a [Rule],
     profile: &'a Profile,
@@ -98,6 +101,11 @@ impl Context<'_> {
         let mut first_trouble = None;
         for clause in &clauses.orders {
             match self.one(clause, &sum.added) {
+                Ok(change) if sum.added.len() + change.added.len() > N_RULES_MAX => {
+                    let question =
+                        format!("At most {N_RULES_MAX} rules at a time, please. Which come first?");
+                    return Err(Trouble::Ask(question));
+                }
                 Ok(change) => {
                     sum.is_revoke |= change.is_revoke;
                     sum.lifted.extend(change.lifted);

@@ -8,6 +8,9 @@ use crate::phrase::noun_phrase;
 use crate::quantity::{Bound, Kind, Quantity};
 use crate::segment::Join;
 
+/// Most slots that one stretch may fill.
+const N_SLOTS_MAX: usize = 48;
+
 /// Fills the slots from one stretch of items.
 #[must_use]
 pub fn scan(items: &[Item], join: Join) -> Draft {
@@ -18,7 +21,13 @@ pub fn scan(items: &[Item], join: Join) -> Draft {
         draft: Draft { join: Some(join), words, ..Draft::default() },
         before: Before::Nothing,
     };
-    while scanner.at < items.len() {
+    while let Some(item) = items.get(scanner.at) {
+        let draft = &mut scanner.draft;
+        if draft.senses.len() + draft.names.len() + draft.regions.len() > N_SLOTS_MAX {
+            // No stretch of speech holds so much: it is asked about, and the work stays linear.
+            draft.leftover.push(item.text.clone());
+            break;
+        }
         scanner.step();
     }
     scanner.finish()

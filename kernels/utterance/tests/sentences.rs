@@ -33,6 +33,12 @@ fn every_sentence_becomes_its_rules_or_a_question() {
     assert!(failed.is_empty(), "{} of {n_cases}:\n{}", failed.len(), failed.join("\n"));
 }
 
+#[test]
+fn every_sentence_of_the_paper_becomes_its_rule() {
+    let (n_cases, failed) = failures(include_str!("paper.jsonl"));
+    assert!(n_cases == 14 && failed.is_empty(), "of {n_cases}:\n{}", failed.join("\n"));
+}
+
 /// Sentences written in the manner of many speakers before the parser was tried on them; the parser
 /// may ask about a few, but not take one for a rule that it is not.
 #[test]
