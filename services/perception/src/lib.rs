@@ -13,6 +13,7 @@ use service::Settings;
 
 pub mod localisation;
 pub mod odometry_track;
+pub mod recording;
 pub mod semantics;
 pub mod wire;
 
