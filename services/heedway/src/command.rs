@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use service::life::{EXIT_FAILED, EXIT_OK, EXIT_USAGE};
 
-use crate::{carry, demo, parse, rules_list, say, watch};
+use crate::{carry, demo, ground, parse, rules_list, say, watch};
 
 /// Tell a robot in plain words what to heed, and see that it does.
 #[derive(Parser, Debug)]
@@ -28,6 +28,8 @@ enum Command {
     Watch(watch::Arguments),
     /// Parse sentences without a robot: JSON lines in, JSON lines out.
     Parse(parse::Arguments),
+    /// Find what rules speak of in recorded RGB-D, without a robot: overlays, maps, a summary.
+    Ground(ground::Arguments),
     /// Run one service in this process.
     Service(carry::Arguments),
 }
@@ -49,6 +51,7 @@ pub fn run() -> ExitCode {
         Command::Rules(arguments) => in_runtime(rules_list::run(arguments)),
         Command::Watch(arguments) => in_runtime(watch::run(arguments)),
         Command::Parse(arguments) => told(parse::run(&arguments)),
+        Command::Ground(arguments) => told(ground::run(&arguments)),
         // It starts a runtime of its own.
         Command::Service(arguments) => carry::run(&arguments),
     }
