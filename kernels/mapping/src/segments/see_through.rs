@@ -18,8 +18,9 @@ const FRONT: f32 = 0.05;
 const FRONT_MM: f32 = 80.0;
 /// A patch of more than this share of its segment is a part of it.
 const SHARE_MAX: f32 = 0.15;
-/// A patch is seen through when this share of its border has its own segment in front of it.
-const BORDER_SHARE: f32 = 0.5;
+/// A patch is seen through when this share of its border has its own segment in front of it. A far leg beside a
+/// near one has it on one side and above, a hole between bars all around.
+const BORDER_SHARE: f32 = 0.6;
 
 impl Segments {
     /// The segments without what is seen through them; those pixels belong to none.
