@@ -9,6 +9,7 @@ pub mod instruction;
 pub mod keys;
 pub mod maps;
 pub mod motion;
+pub mod places;
 pub mod rule_set;
 pub mod sensing;
 pub mod status;
@@ -22,6 +23,7 @@ pub use maps::{
     BaseMap, CellSet, DepthObstacles, GridLayout, ObjectMap, PoseEstimate, PoseQuality, SemanticsBeat,
 };
 pub use motion::{BaseFault, Goal, NominalCommand, Odometry, SafeCommand};
+pub use places::{Place, Places};
 pub use rule_set::{Grounding, RuleHeld, RuleSet, RulesHeld};
 pub use sensing::{HeatMaps, HeatMapsRequest, ModelImage, RgbdFrame, Scan, Segments, SegmentsRequest};
 pub use status::{

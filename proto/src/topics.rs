@@ -58,6 +58,8 @@ pub const RULES: Topic = row("rules", "RuleSet", "language", 1.0, 0, Delivery::L
 /// Which rules a service holds and how far it got with each; one key a service.
 pub const RULES_HELD: Topic =
     row("rules_held/*", "RulesHeld", "filter, semantics", 2.0, 0, Delivery::Latched);
+/// Named places, as polygons in the map; replaces those of the file until the next start.
+pub const PLACES: Topic = row("places", "Places", "anyone", 0.0, 0, Delivery::Event);
 /// Where the robot is asked to go.
 pub const GOAL: Topic = row("goal", "Goal", "anyone", 0.0, 0, Delivery::Event);
 
@@ -113,6 +115,7 @@ pub const ALL: &[Topic] = &[
     REPLY,
     RULES,
     RULES_HELD,
+    PLACES,
     GOAL,
     ODOMETRY,
     SCAN,

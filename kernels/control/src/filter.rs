@@ -14,11 +14,13 @@ use crate::config::{ConfigError, FilterConfig, Method};
 use crate::decision::{Action, Certified, Decision, binding, words};
 use crate::dynamics::{Control, Limits, State};
 use crate::exit::ExitMap;
+use crate::fast::Isa;
 use crate::latency::OnTheWay;
 use crate::margin::{Demand, World};
 use crate::noise::Noise;
 use crate::paper_literal::PaperLiteral;
 use crate::plan::Plan;
+use crate::points::PointIndex;
 use crate::primitives::deviation;
 use crate::scene::{Assumptions, Scene};
 use crate::score::{Best, Search};
@@ -60,6 +62,8 @@ pub struct Filter {
     noise: Noise,
     best: Best,
     continued: Best,
+    /// Indices of points that are not in use.
+    spare: Vec<PointIndex>,
 }
 
 /// The ways out of the zones that the robot stands in, kept for some ticks.
@@ -106,7 +110,17 @@ impl Filter {
             noise: Noise::default(),
             best: Best::default(),
             continued: Best::default(),
+            spare: Vec::new(),
         })
+    }
+
+    /// The same filter on these instructions instead of the widest that the processor has, to compare them: what
+    /// it decides is the same.
+    #[must_use]
+    pub fn on(mut self, isa: Isa) -> Filter {
+        self.noise = Noise::on(isa);
+        self.spare = vec![PointIndex::on(isa)];
+        self
     }
 
     /// The configuration in force.
@@ -139,17 +153,19 @@ impl Filter {
         self.remember_where_told(world, start);
         let told_inside = std::mem::take(&mut self.told_inside);
         let stands_still = |id: &str| told_inside.get(id).copied().unwrap_or(false);
-        let mut scene = Scene::of(world, start, self.assumptions, &stands_still);
+        let mut scene = Scene::with(world, start, self.assumptions, &stands_still, &mut self.spare);
         let wanted = limits.control_towards(start.speed_m_s, nominal, self.config.step_s);
 
         let choice = match self.config.method {
             Method::PaperLiteral | Method::PaperLiteralBlending => {
                 self.noise_for_this_tick();
+                self.noise.draw(self.search.n_samples * self.search.n_rounds.max(1));
                 self.literal.choose(world, &scene, wanted, &self.noise, &self.search, &self.config)
             }
             _ => self.choose(&mut scene, nominal, wanted),
         };
         self.told_inside = told_inside;
+        scene.leave(&mut self.spare);
         self.decide(choice, world, start, nominal, wanted)
     }
 

@@ -1,34 +1,59 @@
 //! The chance in the score: standard normal draws, reproducible from a seed and the number of the tick.
 
-use rand::{RngExt, SeedableRng};
-use rand_xoshiro::Xoshiro256PlusPlus;
+use crate::fast::{Isa, normal};
 
 /// Standard normal draws for the sampled sequences of one tick, shared by all its scores.
-#[derive(Clone, Debug, Default)]
+///
+/// Drawn when they are first needed: most ticks are decided by full braking and need none.
+#[derive(Clone, Debug)]
 pub(crate) struct Noise {
-    draws: Vec<(f64, f64)>,
+    isa: Isa,
+    key: u64,
     n_steps: usize,
+    n_drawn: usize,
+    first: Vec<f32>,
+    second: Vec<f32>,
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        Noise::on(Isa::detect())
+    }
 }
 
 impl Noise {
-    /// Draws for `n_sequences` of `n_steps` controls; the same for the same seed and tick.
-    pub(crate) fn draw(&mut self, seed: u64, tick: u64, n_sequences: usize, n_steps: usize) {
-        let mut chance = Xoshiro256PlusPlus::seed_from_u64(seed ^ tick.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    /// No draws yet.
+    pub(crate) fn on(isa: Isa) -> Noise {
+        Noise { isa, key: 0, n_steps: 0, n_drawn: 0, first: Vec::new(), second: Vec::new() }
+    }
+
+    /// Begins the draws of a tick: up to `n_sequences` of `n_steps` controls, the same for the same seed and tick.
+    pub(crate) fn begin(&mut self, seed: u64, tick: u64, n_sequences: usize, n_steps: usize) {
+        self.key = normal::key(seed, tick);
         self.n_steps = n_steps;
-        self.draws.clear();
-        self.draws.extend((0..n_sequences * n_steps).map(|_| normal_pair(&mut chance)));
+        self.n_drawn = 0;
+        self.first.resize(n_sequences * n_steps, 0.0);
+        self.second.resize(n_sequences * n_steps, 0.0);
     }
 
-    pub(crate) fn sequence(&self, idx: usize) -> &[(f64, f64)] {
-        &self.draws[idx * self.n_steps..(idx + 1) * self.n_steps]
+    /// Sees to it that the first `n_sequences` are drawn.
+    pub(crate) fn draw(&mut self, n_sequences: usize) {
+        let n_wanted = (n_sequences * self.n_steps).min(self.first.len());
+        if n_wanted > self.n_drawn {
+            let range = self.n_drawn..n_wanted;
+            let (first, second) = (&mut self.first[range.clone()], &mut self.second[range]);
+            normal::fill(self.isa, self.key, self.n_drawn as u32, first, second);
+            self.n_drawn = n_wanted;
+        }
     }
-}
 
-/// Two independent standard normal draws (Box and Muller 1958).
-fn normal_pair(chance: &mut Xoshiro256PlusPlus) -> (f64, f64) {
-    let radius = (-2.0 * (1.0 - chance.random::<f64>()).ln()).sqrt();
-    let (sin, cos) = (std::f64::consts::TAU * chance.random::<f64>()).sin_cos();
-    (radius * cos, radius * sin)
+    /// One sequence, drawn before.
+    pub(crate) fn sequence(&self, idx: usize) -> impl Iterator<Item = (f64, f64)> + Clone + '_ {
+        let range = idx * self.n_steps..(idx + 1) * self.n_steps;
+        debug_assert!(range.end <= self.n_drawn);
+        let pairs = self.first[range.clone()].iter().zip(&self.second[range]);
+        pairs.map(|(first, second)| (f64::from(*first), f64::from(*second)))
+    }
 }
 
 #[cfg(test)]
@@ -39,16 +64,20 @@ mod tests {
     fn draws_are_standard_normal_and_the_same_for_the_same_seed_and_tick() {
         let draw = |seed, tick| {
             let mut noise = Noise::default();
-            noise.draw(seed, tick, 500, 20);
+            noise.begin(seed, tick, 500, 20);
+            noise.draw(7);
+            noise.draw(500);
             noise
         };
         let noise = draw(3, 9);
-        assert_eq!(noise.sequence(17), draw(3, 9).sequence(17));
-        assert_ne!(noise.sequence(17), draw(3, 10).sequence(17));
-        assert_ne!(noise.sequence(17), draw(4, 9).sequence(17));
-        let n = 2.0 * noise.draws.len() as f64;
-        let mean = noise.draws.iter().map(|(a, b)| a + b).sum::<f64>() / n;
-        let square = noise.draws.iter().map(|(a, b)| a * a + b * b).sum::<f64>() / n;
+        let sequence = |noise: &Noise| noise.sequence(17).collect::<Vec<_>>();
+        assert_eq!(sequence(&noise), sequence(&draw(3, 9)));
+        assert_ne!(sequence(&noise), sequence(&draw(3, 10)));
+        assert_ne!(sequence(&noise), sequence(&draw(4, 9)));
+        let draws: Vec<(f64, f64)> = (0..500).flat_map(|idx| noise.sequence(idx)).collect();
+        let n = 2.0 * draws.len() as f64;
+        let mean = draws.iter().map(|(a, b)| a + b).sum::<f64>() / n;
+        let square = draws.iter().map(|(a, b)| a * a + b * b).sum::<f64>() / n;
         assert!(mean.abs() < 0.03 && (square - 1.0).abs() < 0.05, "{mean} {square}");
     }
 }

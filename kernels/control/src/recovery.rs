@@ -9,7 +9,7 @@ use crate::dynamics::{Control, State};
 use crate::exit::ExitMap;
 use crate::manoeuvres::{TurnAndDrive, headings};
 use crate::plan::{Plan, Sample};
-use crate::scene::Scene;
+use crate::scene::{Assumptions, Scene};
 
 /// Weights of the ranking, in falling importance: an order of a thousand keeps the classes apart.
 const OBSTACLE_WEIGHT: f64 = 1e6;
@@ -128,6 +128,9 @@ struct Judge<'a, 'w> {
     exits: Option<&'a ExitMap>,
     start_depth_m: f64,
     is_in_zone: bool,
+    /// What full braking falls short of the obstacles' margins, as far as an error of the position explains
+    /// it, metres: who falls short by no more has nothing to gain by breaking a rule.
+    forgiven_m: f64,
 }
 
 /// What a plan does wrong, class by class; every part only grows along the plan.
@@ -146,8 +149,8 @@ struct Wrongs {
 }
 
 impl Wrongs {
-    fn harm(&self) -> f64 {
-        OBSTACLE_WEIGHT * self.obstacle_m
+    fn harm(&self, forgiven_m: f64) -> f64 {
+        OBSTACLE_WEIGHT * (self.obstacle_m - forgiven_m).max(0.0)
             + RULE_WEIGHT * (self.entered_m + self.over_s)
             + self.depth_m_s
             + DEEPER_WEIGHT * self.deeper_m
@@ -156,12 +159,13 @@ impl Wrongs {
 
 impl<'a, 'w> Judge<'a, 'w> {
     fn new(scene: &'a Scene<'w>, exits: Option<&'a ExitMap>) -> Self {
-        Judge {
-            scene,
-            exits,
-            start_depth_m: soft_depth_m(scene, scene.start),
-            is_in_zone: scene.spatial.iter().any(|layer| layer.soft),
-        }
+        let start_depth_m = soft_depth_m(scene, scene.start);
+        let is_in_zone = scene.spatial.iter().any(|layer| layer.soft);
+        let judge = Judge { scene, exits, start_depth_m, is_in_zone, forgiven_m: 0.0 };
+        let Assumptions { limits, step_s, disturbance, .. } = scene.assumptions;
+        let braking = Plan::roll(scene.start, &[], step_s, &limits, true);
+        let braking_short_m = judge.judge(&braking, f64::INFINITY).map_or(0.0, |(_, short_m)| short_m);
+        Judge { forgiven_m: braking_short_m.min(disturbance.position_m), ..judge }
     }
 
     /// The harm of a plan and how near it comes to obstacles, metres; `None` as soon as it exceeds `ceiling`.
@@ -178,7 +182,7 @@ impl<'a, 'w> Judge<'a, 'w> {
             let counts_s = if (k + 1) as f64 * step_s <= compared_s { step_s } else { 0.0 };
             self.add_spatial(&mut wrongs, to, lost_m, counts_s);
             wrongs.over_s += limits_broken(scene, (from, to), tube_m, k == 0) * step_s;
-            if wrongs.harm() > ceiling {
+            if wrongs.harm(self.forgiven_m) > ceiling {
                 return None;
             }
         }
@@ -191,7 +195,7 @@ impl<'a, 'w> Judge<'a, 'w> {
             None if self.is_in_zone => end_depth_m,
             None => 0.0,
         };
-        let harm = wrongs.harm() + EXIT_WEIGHT * (exit_m + self.still_near_m(end));
+        let harm = wrongs.harm(self.forgiven_m) + EXIT_WEIGHT * (exit_m + self.still_near_m(end));
         (harm <= ceiling).then_some((harm, wrongs.obstacle_m))
     }
 

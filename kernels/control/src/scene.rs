@@ -133,11 +133,23 @@ impl LimitLayer<'_> {
 impl<'w> Scene<'w> {
     /// The scene of a world, seen from `start`. `stands_still` names the rules with a limit of 0 in whose
     /// zone the robot stood when told.
+    #[cfg(test)]
     pub(crate) fn of(
         world: &'w World,
         start: State,
         assumptions: Assumptions,
         stands_still: &dyn Fn(&str) -> bool,
+    ) -> Scene<'w> {
+        Scene::with(world, start, assumptions, stands_still, &mut Vec::new())
+    }
+
+    /// As `of`, with what former scenes left of their indices of points ([`Scene::leave`]).
+    pub(crate) fn with(
+        world: &'w World,
+        start: State,
+        assumptions: Assumptions,
+        stands_still: &dyn Fn(&str) -> bool,
+        spare: &mut Vec<PointIndex>,
     ) -> Scene<'w> {
         let (spatial, limits) = (Vec::new(), Vec::new());
         let mut scene = Scene { assumptions, start, spatial, limits, segment_guard_m: 0.0 };
@@ -146,7 +158,7 @@ impl<'w> Scene<'w> {
         for (idx, layer) in world.base.iter().enumerate() {
             scene.add_spatial(Source::Base(idx), Shape::Field(&layer.field), radius_m);
         }
-        scene.add_points(world);
+        scene.add_points(world, spare);
         for (idx, rule) in world.rules.iter().enumerate() {
             scene.add_rule(Source::Rule(idx), &rule.demand, stands_still(&rule.id));
         }
@@ -163,7 +175,7 @@ impl<'w> Scene<'w> {
     }
 
     /// Adds the scan, those hits apart that are on no map and may move.
-    fn add_points(&mut self, world: &World) {
+    fn add_points(&mut self, world: &World, spare: &mut Vec<PointIndex>) {
         let Assumptions { limits, radius_m, closing_speed_m_s, .. } = self.assumptions;
         let centre = self.start.position();
         // Turning half round and driving away must stay within reach.
@@ -171,13 +183,25 @@ impl<'w> Scene<'w> {
         let moves = |p: &Point2| {
             closing_speed_m_s > 0.0 && world.base.iter().all(|layer| layer.field.sample(*p) > ON_MAP_M)
         };
-        let still = PointIndex::around(world.points.iter().copied().filter(|p| !moves(p)), centre, reach_m);
-        let moving = PointIndex::around(world.points.iter().copied().filter(moves), centre, reach_m);
-        for (index, closing_m_s) in [(still, 0.0), (moving, closing_speed_m_s)] {
-            if let Some(index) = index {
+        for (is_moving, closing_m_s) in [(false, 0.0), (true, closing_speed_m_s)] {
+            if is_moving && closing_speed_m_s <= 0.0 {
+                break;
+            }
+            let mut index = spare.pop().unwrap_or_default();
+            if index.fill(world.points.iter().copied().filter(|p| moves(p) == is_moving), centre, reach_m) {
                 self.add_spatial(Source::Points, Shape::Points(index, closing_m_s), radius_m);
+            } else {
+                spare.push(index);
             }
         }
+    }
+
+    /// Leaves the indices of points to the next scene.
+    pub(crate) fn leave(self, spare: &mut Vec<PointIndex>) {
+        spare.extend(self.spatial.into_iter().filter_map(|layer| match layer.shape {
+            Shape::Points(index, _) => Some(index),
+            Shape::Field(_) => None,
+        }));
     }
 
     fn add_rule(&mut self, source: Source, demand: &'w Demand, stands_still: bool) {

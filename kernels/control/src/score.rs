@@ -10,7 +10,7 @@ use geometry::Point2;
 
 use crate::dynamics::{Control, Moved, State};
 use crate::noise::Noise;
-use crate::scene::Scene;
+use crate::scene::{Assumptions, Scene, Shape};
 
 /// Fields interpolated bilinearly change by at most this much a metre.
 const FIELD_SLOPE: f64 = std::f64::consts::SQRT_2;
@@ -69,6 +69,20 @@ impl Runner {
         runner
     }
 
+    /// The most that any motion from here can keep, metres: the margin here less what is lost on the next
+    /// segment even by braking, straight on.
+    fn most_m(&self, scene: &Scene<'_>) -> f64 {
+        let Assumptions { limits, step_s, .. } = scene.assumptions;
+        if self.speed_m_s <= 0.0 {
+            return self.kept_m;
+        }
+        let end_m_s = limits.speed_after(self.speed_m_s, -limits.accel_m_s2_max, step_s);
+        let length_m = (self.speed_m_s + end_m_s) / 2.0 * step_s;
+        let tube_m = scene.tube_m(self.start_m_s, self.moving_s + step_s, self.path_m + length_m);
+        // Added up as in `step`, so that braking reaches it to the last bit.
+        self.kept_m.min(self.here_m - (scene.loss_m(length_m, 0.0) + tube_m))
+    }
+
     /// One step on; `false` as soon as the rollout cannot keep more than `floor_m`, or breaks a limit.
     #[inline]
     pub(crate) fn step(&mut self, scene: &Scene<'_>, control: Control, floor_m: f64) -> bool {
@@ -120,18 +134,27 @@ impl Runner {
     fn nearest_m(&self, scene: &Scene<'_>, guard_m: f64) -> f64 {
         let place = Point2::new(self.x_m, self.y_m);
         let fallen_m = FIELD_SLOPE * self.path_m + scene.assumptions.closing_speed_m_s * self.moving_s;
-        let mut nearest_m = f64::INFINITY;
+        let (mut nearest_m, mut skipped_m) = (f64::INFINITY, f64::INFINITY);
         for layer in &scene.spatial {
             let bound_m = layer.start_m - fallen_m;
             // Layers are sorted by their margin at the start: the rest is farther still.
             if bound_m >= nearest_m || bound_m - guard_m >= self.kept_m {
-                return nearest_m.min(bound_m);
+                skipped_m = skipped_m.min(bound_m);
+                break;
+            }
+            if let Shape::Points(_, closing_m_s) = layer.shape {
+                // The distance to a point falls no faster than the robot moves.
+                let bound_m = layer.start_m - self.path_m - closing_m_s * self.moving_s;
+                if bound_m >= nearest_m || bound_m - guard_m >= self.kept_m {
+                    skipped_m = skipped_m.min(bound_m);
+                    continue;
+                }
             }
             if !layer.soft {
                 nearest_m = nearest_m.min(layer.margin_m(place, self.moving_s));
             }
         }
-        nearest_m
+        nearest_m.min(skipped_m)
     }
 
     fn zones_here(&self, scene: &Scene<'_>, tube_m: f64) -> u64 {
@@ -234,7 +257,7 @@ pub(crate) struct Wanted {
 pub(crate) fn search(
     scene: &Scene<'_>,
     search: &Search,
-    noise: &Noise,
+    noise: &mut Noise,
     runner: Runner,
     (rate_rad_s, warm): (f64, &[&[Control]]),
     Wanted { above_m, enough_m }: Wanted,
@@ -242,6 +265,8 @@ pub(crate) fn search(
 ) {
     best.value_m = None;
     best.floor_m = above_m.max(0.0);
+    // What no motion can keep more than is enough.
+    let enough_m = enough_m.min(runner.most_m(scene));
     best.controls.clear();
     let limits = scene.assumptions.limits;
     let rate_max = limits.yaw_rate_rad_s_max;
@@ -260,6 +285,7 @@ pub(crate) fn search(
         }
     }
     for round in 0..search.n_rounds {
+        noise.draw((round + 1) * search.n_samples);
         let mut incumbent = std::mem::take(&mut best.trial);
         incumbent.clear();
         // Nothing certified yet: sample around the last solution, else around braking.

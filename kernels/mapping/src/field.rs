@@ -67,7 +67,9 @@ impl DistanceField {
         }
         let inside_x = x.clamp(0.0, (shape.n_cols - 1) as f64);
         let inside_y = y.clamp(0.0, (shape.n_rows - 1) as f64);
-        let beyond_m = (x - inside_x).hypot(y - inside_y) * resolution_m;
+        let is_inside = x == inside_x && y == inside_y;
+        // Nearly always inside, where the root need not be taken.
+        let beyond_m = if is_inside { 0.0 } else { (x - inside_x).hypot(y - inside_y) * resolution_m };
         let (col, row) = (inside_x as usize, inside_y as usize);
         let (next_col, next_row) = ((col + 1).min(shape.n_cols - 1), (row + 1).min(shape.n_rows - 1));
         let (share_x, share_y) = (inside_x - col as f64, inside_y - row as f64);

@@ -15,6 +15,7 @@ pub mod base_map;
 pub mod distance;
 pub mod field;
 pub mod floor_area;
+pub mod floor_plane;
 pub mod grid;
 pub mod image;
 pub mod localise;

@@ -4,6 +4,7 @@
 //! model says *exactly what belongs together* (segments without names). [`fuse`] makes one mask of both.
 
 mod fusion;
+mod see_through;
 
 pub use fusion::{FusedMask, Fusion, fuse};
 

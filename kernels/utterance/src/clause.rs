@@ -47,7 +47,7 @@ const LIMITS: [Sense; 9] = [
     Sense::Quiet,
 ];
 /// Senses that keep the robot off or away; the first four by themselves.
-pub const EXCLUSIONS: [Sense; 8] = [
+pub const EXCLUSIONS: [Sense; 9] = [
     Sense::Avoid,
     Sense::Away,
     Sense::Wide,
@@ -56,6 +56,7 @@ pub const EXCLUSIONS: [Sense; 8] = [
     Sense::Fragile,
     Sense::Sleeping,
     Sense::NeedsSpace,
+    Sense::Closed,
 ];
 const DEEDS: [Sense; 13] = [
     Sense::Motion,

@@ -9,9 +9,12 @@ use crate::clause::{
 use crate::condition::apply;
 use crate::draft::{Draft, Region};
 use crate::lexicon::Sense;
-use crate::noun::Name;
+use crate::noun::{Name, Nouns};
 use crate::quantity::{Bound, Kind};
 use crate::segment::Join;
+
+/// Most names that a pronoun may mean. Chosen: people point back one sentence, not ten.
+const N_MENTIONS_MAX: usize = 8;
 
 /// Joins the stretches of one utterance.
 #[must_use]
@@ -36,6 +39,8 @@ struct Joiner {
     waiting_ttl_s: Option<u64>,
     waiting_except: Vec<Name>,
     note: Option<String>,
+    /// Whether the sentence opened as a question ("why are you | so slow").
+    in_question: bool,
     last: Last,
 }
 
@@ -53,6 +58,15 @@ enum Last {
 
 impl Joiner {
     fn take(&mut self, draft: Draft) {
+        let goes_on = !matches!(draft.join, Some(Join::Start | Join::Comma | Join::But) | None);
+        self.in_question &= goes_on && draft.n_neg == 0;
+        let opens_question = draft.senses.first() == Some(&Sense::Question) && draft.n_neg == 0;
+        if opens_question || self.in_question {
+            self.in_question = true;
+            self.out.others.push(draft);
+            self.last = Last::Other;
+            return;
+        }
         match draft.join {
             Some(Join::Because) => return self.reason(draft),
             Some(Join::Until) => return self.until(draft),
@@ -61,11 +75,6 @@ impl Joiner {
         }
         // A statement with nothing to heed in it, or a task: told, not ordered.
         let told = is_story(&draft) && !is_order(&draft);
-        if draft.senses.first() == Some(&Sense::Question) && draft.n_neg == 0 {
-            self.out.others.push(draft);
-            self.last = Last::Other;
-            return;
-        }
         if is_order(&draft)
             && (!draft.has_any(&[Sense::Task, Sense::Chat, Sense::Question]) || has_strong_order(&draft))
         {
@@ -94,14 +103,31 @@ impl Joiner {
         let real = |name: &&Name| !name.is_pronoun;
         let governed: Vec<Name> =
             draft.regions.iter().flat_map(|region| &region.names).filter(real).cloned().collect();
+        self.mentioned_places.extend(draft.whereabouts.iter().cloned());
         self.mentioned_places.extend(governed.iter().cloned());
-        self.mentioned.extend(governed);
+        // "the dog, he sleeps on his bed": what he is about stays the likelier.
+        let goes_on = is_story(draft)
+            && (draft.has(Sense::Subject) || draft.names.iter().any(|name| name.is_pronoun))
+            && !draft.names.iter().any(|name| !name.is_pronoun);
+        if goes_on {
+            self.mentioned.splice(0..0, governed);
+        } else {
+            self.mentioned.extend(governed);
+        }
         // What a story is about stands first in it: "water ruins the circuits, avoid it".
         let mut loose: Vec<Name> = draft.names.iter().filter(real).cloned().collect();
         if is_story(draft) || !is_order(draft) {
             loose.reverse();
         }
         self.mentioned.extend(loose);
+        self.forget_old_mentions();
+    }
+
+    /// What was said long before is meant by no pronoun; and the work stays linear in the words.
+    fn forget_old_mentions(&mut self) {
+        for names in [&mut self.mentioned, &mut self.mentioned_places] {
+            names.drain(..names.len().saturating_sub(N_MENTIONS_MAX));
+        }
     }
 
     fn reason(&mut self, draft: Draft) {
@@ -198,8 +224,10 @@ impl Joiner {
         if let Some(condition) = self.condition.take() {
             clause.is_conditioned = clause.draft.regions.is_empty() && clause.draft.names.is_empty();
             self.mentioned.extend(condition.all_names().filter(|name| !name.is_pronoun).cloned());
+            self.forget_old_mentions();
             apply(&mut clause, &condition);
         }
+        self.about_the_story(&mut clause);
         // "if you pass the desk, go slow and be quiet": both there.
         let bare = clause.draft.regions.is_empty()
             && clause.draft.names.is_empty()
@@ -216,6 +244,27 @@ impl Joiner {
         self.last = Last::Order;
     }
 
+    /// "a dog is in the yard, be careful": careful about the dog.
+    fn about_the_story(&self, clause: &mut Clause) {
+        let draft = &clause.draft;
+        let bare = draft.regions.is_empty()
+            && draft.names.is_empty()
+            && !draft.has_any(&[Sense::Everywhere, Sense::PrepNear])
+            && draft.n_neg == 0;
+        let Some(story) = self.out.stories.last().filter(|_| bare && self.last == Last::Reason) else {
+            return;
+        };
+        let Some(name) = clause.antecedents.last() else { return };
+        let nouns = Nouns::get();
+        // "the battery is low, go slow" is about no battery; "the floor is wet, go slow" is about the floor.
+        let limit_of_it = draft.has_any(&[Sense::Slow, Sense::Crawl, Sense::Halt])
+            && draft.quantities.is_empty()
+            && (story.has(Sense::ThereIs) || nouns.is_place(&name.obj) || nouns.is_living(&name.obj));
+        if draft.has_any(&[Sense::Careful, Sense::Quiet]) || limit_of_it {
+            clause.draft.names.push(name.clone());
+        }
+    }
+
     /// "the lamp wobbles, so keep back": the statement is why, not a second order.
     fn take_back_reason(&mut self, draft: &Draft) {
         let points_back =
@@ -226,7 +275,12 @@ impl Joiner {
                 && draft.senses.iter().all(|sense| {
                     matches!(
                         sense,
-                        Sense::Copula | Sense::Fragile | Sense::Sleeping | Sense::NeedsSpace | Sense::ThereIs
+                        Sense::Copula
+                            | Sense::Fragile
+                            | Sense::Closed
+                            | Sense::Sleeping
+                            | Sense::NeedsSpace
+                            | Sense::ThereIs
                     )
                 })
         };
@@ -325,6 +379,16 @@ impl Joiner {
 
     /// A stretch without an order, task or story.
     fn fragment(&mut self, mut draft: Draft) {
+        // "play hide and seek", "bring tea and biscuits": more of the task.
+        let of_task = self.last == Last::Other
+            && matches!(draft.join, Some(Join::And | Join::Or))
+            && draft.quantities.is_empty()
+            && draft.leftover.is_empty()
+            && draft.senses.is_empty();
+        if of_task {
+            self.out.others.push(draft);
+            return;
+        }
         self.out.leftover.append(&mut draft.leftover);
         if draft.is_crowded {
             self.out.leftover.push(draft.words.clone());
@@ -380,6 +444,7 @@ impl Joiner {
 
     fn names_or_places(&mut self, draft: Draft, goes_on: bool) {
         self.mentioned.extend(draft.all_names().filter(|name| !name.is_pronoun).cloned());
+        self.forget_old_mentions();
         if draft.names.is_empty() && draft.regions.is_empty() && draft.except.is_empty() {
             return;
         }
@@ -389,6 +454,19 @@ impl Joiner {
         let ttl_s = draft.ttl_s;
         if let (true, Last::Order, Some(clause)) = (goes_on, self.last, self.out.orders.last_mut()) {
             let only_names = draft.regions.is_empty();
+            // "the stools for 20 min and the stage for an hour": each its own time.
+            if only_names && ttl_s.is_some() && clause.draft.ttl_s.is_some_and(|old| Some(old) != ttl_s) {
+                let mut again = clause.clone();
+                again.draft.regions.truncate(1);
+                again.draft.names.clear();
+                match again.draft.regions.last_mut() {
+                    Some(region) if clause.draft.names.is_empty() => region.names = draft.names,
+                    _ => again.draft.names = draft.names,
+                }
+                again.draft.ttl_s = ttl_s;
+                self.out.orders.push(again);
+                return;
+            }
             if !draft.except.is_empty() {
                 clause.draft.except.extend(draft.except);
             }

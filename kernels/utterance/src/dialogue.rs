@@ -53,6 +53,15 @@ pub fn talk(
     if is_copy(draft) {
         return copy(draft, active, fresh).map(Some);
     }
+    // "wheelchairs need space, give them a metre": about the wheelchairs, not about a rule in force.
+    let about_mentioned = draft.has(Sense::Hold)
+        && !draft.has(Sense::Make)
+        && !clause.antecedents.is_empty()
+        && draft.all_names().next().is_some()
+        && draft.all_names().all(|name| name.is_pronoun);
+    if about_mentioned {
+        return Ok(None);
+    }
     update(draft, active, fresh, profile)
 }
 
@@ -163,6 +172,10 @@ fn revoke(draft: &Draft, active: &[Rule]) -> Result<Change, Trouble> {
     }
     if !named.is_empty() {
         let wanted = |rule: &&Rule| named.iter().any(|name| is_on(rule, name)) && fits_kind(rule, draft);
+        // "ignore the bell" is no talk about rules unless one is about it.
+        if draft.words.starts_with("ignore") && !active.iter().any(|rule| wanted(&rule)) {
+            return Err(Trouble::Ask("Which rule do you mean?".into()));
+        }
         return Ok(revoked(active.iter().filter(wanted).map(|rule| rule.id.clone()).collect()));
     }
     if draft.has_any(&[Sense::SpeedNoun, Sense::Slow]) {

@@ -55,6 +55,8 @@ pub struct Draft {
     pub quantities: Vec<Quantity>,
     /// Lifetime, seconds.
     pub ttl_s: Option<u64>,
+    /// Places that only describe where a name is: "the patient in corridor B"; what "there" may mean.
+    pub whereabouts: Vec<Name>,
     /// Instances let off.
     pub except: Vec<Name>,
     /// Words after "is" that mean nothing to us.
@@ -73,6 +75,7 @@ impl Draft {
     /// Whether a sense was met.
     #[must_use]
     pub fn has(&self, sense: Sense) -> bool {
+        crate::steps::step();
         self.senses.contains(&sense)
     }
 

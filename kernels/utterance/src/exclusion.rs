@@ -23,6 +23,7 @@ pub fn exclusion(draft: &Draft) -> Result<Vec<Rule>, Trouble> {
         Sense::Wide,
         Sense::StayOff,
         Sense::OffLimits,
+        Sense::Closed,
         Sense::NeedsSpace,
         Sense::Wider,
     ]) || draft.has(Sense::From) && draft.quantity(Kind::Distance).is_some()
@@ -118,7 +119,14 @@ fn loose_relation(draft: &Draft, name: &Name) -> Result<(Relation, f64, bool), T
         (Relation::Near, vague::AVOID_M)
     } else if draft.has(Sense::OffLimits) {
         if Nouns::get().is_place(&name.obj) { (Relation::On, 0.0) } else { (Relation::Near, vague::AVOID_M) }
-    } else if said.is_some() && (draft.has(Sense::Hold) || draft.is_negated() && draft.has(Sense::Motion)) {
+    } else if draft.has(Sense::Closed) && Nouns::get().is_place(&name.obj) {
+        (Relation::On, 0.0)
+    } else if said.is_some()
+        && (draft.has(Sense::Hold)
+            || draft.is_negated()
+                && (draft.has_any(&[Sense::Motion, Sense::SelfRef])
+                    || draft.quantity(Kind::Distance).is_some_and(|q| q.bound == Bound::Within)))
+    {
         (Relation::Near, vague::AWAY_M)
     } else if draft.is_negated() && Nouns::get().is_place(&name.obj) && !draft.has(Sense::Copula) {
         // "no kitchen, no stairs": a place refused by name.
@@ -144,7 +152,7 @@ fn excluded_region(draft: &Draft, region: &Region) -> Result<Vec<Rule>, Trouble>
         Place::Near => (Relation::Near, if draft.has(Sense::Wide) { vague::WIDE_M } else { vague::AWAY_M }),
         Place::On => (Relation::On, 0.0),
         Place::To if said.is_some() => (Relation::Near, 0.0),
-        Place::To if draft.has_any(&[Sense::Wider, Sense::Away, Sense::Wide]) => {
+        Place::To if draft.has_any(&[Sense::Wider, Sense::Away, Sense::Wide, Sense::VerbNear]) => {
             (Relation::Near, vague::AWAY_M)
         }
         Place::To => (Relation::On, 0.0),
@@ -245,6 +253,7 @@ fn positive_side(draft: &Draft) -> Result<Vec<Rule>, Trouble> {
         {
             Err(Trouble::WhatAbout(name.clone()))
         }
+        Some(name) if draft.n_neg > 0 => Err(Trouble::WhatAbout(name.clone())),
         Some(_) => Err(Trouble::NotSafety),
         None => Err(Trouble::Ask("What should I heed?".into())),
     }

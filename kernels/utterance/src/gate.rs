@@ -47,7 +47,13 @@ struct Pattern {
     gap: usize,
     #[serde(default)]
     may_be_told: bool,
+    /// Phrases that make it harmless when they follow within [`UNLESS_GAP`] words.
+    #[serde(default)]
+    unless: Option<Phrases>,
 }
+
+/// Words between a verb and what makes it harmless: "bump the forklift clearance up to".
+const UNLESS_GAP: usize = 5;
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -96,6 +102,7 @@ pub fn is_unsafe(text: &str) -> Option<Unsafe> {
                 carries = true;
             } else if let Some(end) = object_end(pattern, &words, at + n_verb)
                 && !(pattern.may_be_told && is_told(&file.words, &words, at))
+                && !is_harmless(pattern, &words, at + n_verb)
             {
                 let phrase =
                     words[at..end].iter().map(|token| token.text.as_str()).collect::<Vec<_>>().join(" ");
@@ -110,6 +117,7 @@ pub fn is_unsafe(text: &str) -> Option<Unsafe> {
 
 /// The tokens of the longest phrase at `at`.
 fn longest(phrases: &Phrases, words: &[Token], at: usize) -> Option<usize> {
+    crate::steps::step();
     let matches = |phrase: &&Vec<String>| {
         let here = words.get(at..at + phrase.len());
         here.is_some_and(|here| here.iter().zip(phrase.iter()).all(|(token, word)| token.text == *word))
@@ -131,6 +139,12 @@ fn object_end(pattern: &Pattern, words: &[Token], start: usize) -> Option<usize>
         }
     }
     None
+}
+
+/// Whether what follows the verb shows that a number is meant.
+fn is_harmless(pattern: &Pattern, words: &[Token], start: usize) -> bool {
+    let Some(unless) = &pattern.unless else { return false };
+    (start..=start + UNLESS_GAP).any(|at| longest(unless, words, at).is_some())
 }
 
 /// Whether the words before the verb make it a story or a noun instead of an order.

@@ -1,6 +1,7 @@
 //! Typed items out of tokens: quantities, phrases with senses, other words, marks.
 
 use crate::lexicon::{Lexicon, Sense};
+use crate::noun::Nouns;
 use crate::quantity::{BareUnit, Kind, Quantity, quantity_at};
 use crate::text::Token;
 
@@ -30,6 +31,7 @@ impl Item {
     /// Whether one of its senses is this.
     #[must_use]
     pub fn is(&self, sense: Sense) -> bool {
+        crate::steps::step();
         matches!(self.sort, Sort::Phrase(senses) if senses.contains(&sense))
     }
 
@@ -58,7 +60,14 @@ pub fn items(tokens: &[Token], bare_unit: BareUnit) -> Vec<Item> {
             at += 1;
             continue;
         }
-        let phrase = lexicon.senses_at(tokens, at);
+        let mut phrase = lexicon.senses_at(tokens, at);
+        // "turn slower than 25°/s": the comparison belongs to the number.
+        if let Some((_, n)) = phrase
+            && n > 1
+            && tokens.get(at + n).is_some_and(|after| after.text == "than")
+        {
+            phrase = lexicon.shorter_senses_at(tokens, at, n);
+        }
         let phrase_len = phrase.map_or(0, |(_, n)| n);
         let measured = quantity_at(tokens, at, bare_unit).filter(|quantity| quantity.n_tokens >= phrase_len);
         let (sort, n_tokens) = match (measured, phrase) {
@@ -90,6 +99,10 @@ fn is_part_of_a_name(quantity: &Quantity, tokens: &[Token], at: usize, before: O
         item.is_word() || matches!(item.text.as_str(), "room" | "dock" | "exit" | "charge" | "line" | "stop")
     });
     if numbered && first.starts_with(|c: char| c.is_ascii_digit()) {
+        return true;
+    }
+    // "bay four", "aisle nine"
+    if before.is_some_and(|item| Nouns::get().is_numbered(&item.text)) {
         return true;
     }
     let lexicon = Lexicon::get();

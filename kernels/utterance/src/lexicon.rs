@@ -54,6 +54,7 @@ pub enum Sense {
     SpeedNoun,
     Dampen,
     OffLimits,
+    Closed,
     Fragile,
     Sleeping,
     NeedsSpace,
@@ -117,7 +118,15 @@ impl Sense {
     /// Whether it is said of a thing after "is".
     #[must_use]
     pub fn is_state(self) -> bool {
-        matches!(self, Sense::OffLimits | Sense::Fragile | Sense::Sleeping | Sense::NeedsSpace | Sense::Fine)
+        matches!(
+            self,
+            Sense::OffLimits
+                | Sense::Closed
+                | Sense::Fragile
+                | Sense::Sleeping
+                | Sense::NeedsSpace
+                | Sense::Fine
+        )
     }
 }
 
@@ -125,9 +134,18 @@ impl Sense {
 #[serde(deny_unknown_fields)]
 struct File {
     contractions: BTreeMap<String, String>,
+    states: States,
     bounds: BTreeMap<String, Vec<String>>,
     units: BTreeMap<String, BTreeMap<String, f64>>,
     senses: BTreeMap<Sense, Vec<String>>,
+}
+
+/// Words that show "'s" and "its" to be an "is".
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct States {
+    leads: Vec<String>,
+    words: Vec<String>,
 }
 
 struct Phrase<T> {
@@ -142,6 +160,7 @@ type Phrases<T> = HashMap<String, Vec<Phrase<T>>>;
 #[derive(Default)]
 pub struct Lexicon {
     contractions: HashMap<String, Vec<String>>,
+    states: States,
     bounds: Phrases<Bound>,
     units: Phrases<(Kind, f64)>,
     rate_units: Vec<String>,
@@ -167,7 +186,7 @@ impl Lexicon {
 
     fn read(text: &str) -> Result<Lexicon, toml::de::Error> {
         let file: File = toml::from_str(text)?;
-        let mut lexicon = Lexicon::default();
+        let mut lexicon = Lexicon { states: file.states, ..Lexicon::default() };
         for (short, long) in &file.contractions {
             lexicon.contractions.insert(short.clone(), words_of(long));
         }
@@ -217,6 +236,18 @@ impl Lexicon {
         self.contractions.get(word).map(Vec::as_slice)
     }
 
+    /// Whether the word stands between "is" and what is said ("still", "very").
+    #[must_use]
+    pub fn leads_to_state(&self, word: &str) -> bool {
+        self.states.leads.iter().any(|lead| lead == word)
+    }
+
+    /// Whether the word tells how something is ("wet", "hot").
+    #[must_use]
+    pub fn is_state_word(&self, word: &str) -> bool {
+        self.states.words.iter().any(|state| state == word)
+    }
+
     /// Whether the words, separated by spaces, are a phrase of some sense or bound.
     #[must_use]
     pub fn is_phrase(&self, text: &str) -> bool {
@@ -230,6 +261,23 @@ impl Lexicon {
     #[must_use]
     pub fn senses_at(&self, tokens: &[Token], at: usize) -> Option<(&[Sense], usize)> {
         longest(&self.senses, tokens, at).map(|(senses, n)| (senses.as_slice(), n))
+    }
+
+    /// The senses of the longest phrase at `at` of fewer than `n_tokens` tokens, and its tokens.
+    #[must_use]
+    pub fn shorter_senses_at(
+        &self,
+        tokens: &[Token],
+        at: usize,
+        n_tokens: usize,
+    ) -> Option<(&[Sense], usize)> {
+        let list = self.senses.get(&tokens.get(at)?.text)?;
+        let shorter = list.iter().filter(|phrase| phrase.words.len() < n_tokens);
+        shorter.into_iter().find_map(|phrase| {
+            let here = tokens.get(at..at + phrase.words.len())?;
+            let same = here.iter().zip(&phrase.words).all(|(token, word)| token.text == *word);
+            same.then_some((phrase.meaning.as_slice(), phrase.words.len()))
+        })
     }
 
     /// The bound phrase at `at`, and its tokens.
@@ -264,6 +312,14 @@ impl Lexicon {
             || self.units.contains_key(word)
     }
 
+    /// Whether the word is a determiner.
+    #[must_use]
+    pub fn is_article(&self, word: &str) -> bool {
+        let is_det =
+            |phrase: &Phrase<Vec<Sense>>| phrase.words.len() == 1 && phrase.meaning.contains(&Sense::Det);
+        self.senses.get(word).is_some_and(|phrases| phrases.iter().any(is_det))
+    }
+
     /// Words of four letters and more that spelling may be put right to.
     #[must_use]
     pub fn spellings(&self) -> &[String] {
@@ -289,6 +345,7 @@ fn sort_longest_first<T>(phrases: &mut Phrases<T>) {
 }
 
 fn longest<'a, T>(phrases: &'a Phrases<T>, tokens: &[Token], at: usize) -> Option<(&'a T, usize)> {
+    crate::steps::step();
     let first = tokens.get(at)?;
     phrases.get(&first.text)?.iter().find_map(|phrase| {
         let here = tokens.get(at..at + phrase.words.len())?;

@@ -29,6 +29,7 @@ mod resolve;
 mod scan;
 mod segment;
 mod spelling;
+mod steps;
 mod text;
 mod update;
 pub mod vague;

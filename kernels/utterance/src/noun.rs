@@ -39,6 +39,12 @@ struct Lists {
     drops: HashSet<String>,
     empty: HashSet<String>,
     measures: HashSet<String>,
+    numbered: HashSet<String>,
+    passages: HashSet<String>,
+    events: HashSet<String>,
+    cans: HashSet<String>,
+    living: HashSet<String>,
+    thresholds: HashSet<String>,
     common: Vec<String>,
 }
 
@@ -136,6 +142,7 @@ impl Nouns {
     /// The one word we compare by.
     #[must_use]
     pub fn canonical(&self, name: &str) -> String {
+        crate::steps::step();
         if let Some(first) = self.synonym_of.get(name) {
             return first.clone();
         }
@@ -158,11 +165,14 @@ impl Nouns {
     /// An area one is on or in, rather than near.
     #[must_use]
     pub fn is_place(&self, obj: &str) -> bool {
-        let room = obj.split_whitespace().next().is_some_and(|first| {
-            matches!(first, "room" | "ward" | "bay" | "zone" | "aisle" | "area" | "dock")
-                && obj.split_whitespace().nth(1).is_some_and(|second| second.len() <= 3)
-        });
-        room || self.has(&self.lists.places, obj)
+        let numbered = match obj.split_whitespace().collect::<Vec<_>>().as_slice() {
+            [first, mark] => {
+                let is_mark = mark.len() <= 3 || crate::number::is_number_word(mark);
+                is_mark && (*first == "room" || self.lists.places.contains(*first))
+            }
+            _ => false,
+        };
+        numbered || self.has(&self.lists.places, obj)
     }
 
     /// A line or barrier, whose far side is what "behind" keeps from.
@@ -192,6 +202,42 @@ impl Nouns {
                     || word.chars().all(|c| c.is_ascii_digit() || c == '.')
                     || self.lists.adjectives.contains(word)
             })
+    }
+
+    /// A kind of place that people number: "bay four".
+    #[must_use]
+    pub fn is_numbered(&self, phrase: &str) -> bool {
+        phrase.split_whitespace().last().is_some_and(|word| self.lists.numbered.contains(word))
+    }
+
+    /// A word for a way through: "the path between A and B" is the gap itself.
+    #[must_use]
+    pub fn is_passage(&self, obj: &str) -> bool {
+        self.lists.passages.contains(obj)
+    }
+
+    /// Something that takes place rather than stands there: "a meeting in the boardroom".
+    #[must_use]
+    pub fn is_event(&self, obj: &str) -> bool {
+        self.lists.events.contains(self.head(obj)) || obj.split_whitespace().any(|word| word == "cleaning")
+    }
+
+    /// A person or an animal.
+    #[must_use]
+    pub fn is_living(&self, obj: &str) -> bool {
+        self.has(&self.lists.living, obj)
+    }
+
+    /// Something one stops at so as not to pass it.
+    #[must_use]
+    pub fn is_threshold(&self, obj: &str) -> bool {
+        self.is_boundary(obj) || self.has(&self.lists.thresholds, obj)
+    }
+
+    /// What "can" is a vessel after: "trash can".
+    #[must_use]
+    pub fn has_can(&self, word: &str) -> bool {
+        self.lists.cans.contains(word)
     }
 
     /// Whether the word stands in one of the tables.

@@ -78,6 +78,10 @@ fn digits(token: &Token) -> Option<f64> {
 /// "a" and "half" are no numbers by themselves: what they mean depends on the unit.
 #[must_use]
 pub fn number_at(tokens: &[Token], at: usize) -> Option<Number> {
+    if tokens.get(at).is_some_and(|token| matches!(token.text.as_str(), "minus" | "negative")) {
+        let number = number_at(tokens, at + 1).filter(|number| number.value >= 0.0)?;
+        return Some(Number { value: -number.value, n_tokens: number.n_tokens + 1 });
+    }
     let whole = plain_number(tokens, at)?;
     let after = at + whole.n_tokens;
     let word = |offset: usize| tokens.get(after + offset).map_or("", |token| token.text.as_str());

@@ -8,7 +8,7 @@ use crate::noun::{Name, Nouns};
 const WORDS_MAX: usize = 6;
 
 /// Senses that may also be a word in a name: "the stop sign", "the play mat".
-const NOUNABLE: [Sense; 28] = [
+const NOUNABLE: [Sense; 29] = [
     Sense::Task,
     Sense::Halt,
     Sense::Motion,
@@ -24,6 +24,7 @@ const NOUNABLE: [Sense; 28] = [
     Sense::SideLeft,
     Sense::SideRight,
     Sense::Fragile,
+    Sense::Closed,
     Sense::Sleeping,
     Sense::OffLimits,
     Sense::Fine,
@@ -45,6 +46,7 @@ const NOUNABLE: [Sense; 28] = [
 /// another sense may open it.
 #[must_use]
 pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, usize)> {
+    crate::steps::step();
     let mut idx = at;
     let mut universal = false;
     let mut determined = false;
@@ -178,6 +180,10 @@ fn inside(items: &[Item], at: usize) -> bool {
     let ends = items
         .get(at + 1)
         .is_none_or(|next| next.is_any(&[Sense::Copula, Sense::And, Sense::Or]) || next.sort == Sort::Mark);
+    let before = at.checked_sub(1).and_then(|idx| items.get(idx));
+    if item.text == "can" && before.is_some_and(|word| Nouns::get().has_can(&word.text)) {
+        return true;
+    }
     // These are nouns whenever a word stands before them.
     if matches!(item.text.as_str(), "room" | "rooms" | "dock" | "exit" | "space" | "spaces") {
         return true;

@@ -157,8 +157,17 @@ fn single_duration(tokens: &[Token], at: usize) -> Option<Quantity> {
         .flatten()
         .filter(|unit| unit.kind == Kind::Duration);
     match bare_unit {
-        // "for the next hour"
-        Some(unit) => Some(quantity(Kind::Duration, unit.scale, unit.n_tokens)),
+        // "for the next hour", "for the next hour and a half"
+        Some(unit) => {
+            let end = at + unit.n_tokens;
+            let part = match (word(tokens, end), word(tokens, end + 1)) {
+                ("and", "a") => fraction_word(word(tokens, end + 2)),
+                _ => None,
+            };
+            let n_more = if part.is_some() { 3 } else { 0 };
+            let value = unit.scale * (1.0 + part.unwrap_or(0.0));
+            Some(quantity(Kind::Duration, value, unit.n_tokens + n_more))
+        }
         None => compound(tokens, at).filter(|quantity| quantity.kind == Kind::Duration),
     }
 }

@@ -10,7 +10,7 @@ use crate::draft::{Draft, Place};
 use crate::item::items;
 use crate::lexicon::{Lexicon, Sense};
 use crate::noun::{Name, Nouns};
-use crate::quantity::BareUnit;
+use crate::quantity::{BareUnit, Kind};
 use crate::resolve::{Trouble, resolve};
 use crate::scan::scan;
 use crate::segment::segments;
@@ -35,13 +35,19 @@ pub fn parse(active: &[Rule], profile: &Profile, words: &str) -> Reply {
     let plain = tokens(words, Lexicon::get());
     let context = Context { active, profile, words };
     let reply = context.read(&plain, None, true);
-    if reply.outcome != Outcome::Clarify {
+    // A slip in an order can look like talk: "go to the hall and avod the rug".
+    let may_hide_a_slip = reply.outcome == Outcome::Clarify || reply.reason == Some(RefuseReason::NotSafety);
+    if !may_hide_a_slip {
         return reply;
     }
     match spelling::put_right(&plain) {
         Some((fixed, told)) => {
             let mut second = context.read(&fixed, None, true);
-            if second.outcome == Outcome::Clarify {
+            let helps = match reply.outcome {
+                Outcome::Clarify => second.outcome != Outcome::Clarify,
+                _ => second.outcome == Outcome::Accept,
+            };
+            if !helps {
                 return reply;
             }
             for (wrong, right) in told {
@@ -52,6 +58,9 @@ pub fn parse(active: &[Rule], profile: &Profile, words: &str) -> Reply {
         None => reply,
     }
 }
+
+/// Most rules of one utterance. Chosen: more cannot be read back, and a robot holds no more.
+const N_RULES_MAX: usize = 16;
 
 struct Context<'a> {
     active: &'a [Rule],
@@ -92,6 +101,11 @@ impl Context<'_> {
         let mut first_trouble = None;
         for clause in &clauses.orders {
             match self.one(clause, &sum.added) {
+                Ok(change) if sum.added.len() + change.added.len() > N_RULES_MAX => {
+                    let question =
+                        format!("At most {N_RULES_MAX} rules at a time, please. Which come first?");
+                    return Err(Trouble::Ask(question));
+                }
                 Ok(change) => {
                     sum.is_revoke |= change.is_revoke;
                     sum.lifted.extend(change.lifted);
@@ -224,6 +238,10 @@ impl Context<'_> {
 
     /// No rule and nothing lifted: a task, a story, or nothing we know.
     fn nothing(&self, sum: &Sum, clauses: &Clauses) -> Reply {
+        if let Some(doubtful) = clauses.others.iter().find(|draft| may_be_a_rule(draft)) {
+            let question = format!("Is \"{}\" a rule? Please say what I should heed.", doubtful.words);
+            return answer::clarify(&question, vec![]);
+        }
         if !clauses.others.is_empty() || sum.not_safety {
             return answer::refuse(
                 RefuseReason::NotSafety,
@@ -234,6 +252,16 @@ impl Context<'_> {
             .iter()
             .any(|word| self.words.to_lowercase().starts_with(word));
         if greeting && clauses.stories.is_empty() && clauses.unclaimed.is_empty() {
+            return answer::refuse(
+                RefuseReason::NotSafety,
+                "I only take rules about where and how fast I may go.",
+            );
+        }
+        let of_me = |story: &Draft| {
+            story.words.starts_with("you are")
+                && story.senses.iter().all(|sense| matches!(sense, Sense::Subject | Sense::SelfRef))
+        };
+        if !clauses.stories.is_empty() && clauses.stories.iter().all(of_me) && clauses.unclaimed.is_empty() {
             return answer::refuse(
                 RefuseReason::NotSafety,
                 "I only take rules about where and how fast I may go.",
@@ -313,6 +341,16 @@ impl Context<'_> {
             })
             .collect()
     }
+}
+
+/// Words of a rule inside what reads as a task: better asked than refused.
+fn may_be_a_rule(draft: &Draft) -> bool {
+    let measures = |kind| matches!(kind, Kind::Distance | Kind::Speed | Kind::TurnRate | Kind::Fraction);
+    let opens_question = draft.senses.first() == Some(&Sense::Question);
+    !opens_question
+        && (draft.n_neg > 0
+            || draft.has(Sense::RuleNoun)
+            || draft.quantities.iter().any(|quantity| measures(quantity.kind)))
 }
 
 fn note_words(when: &str) -> String {

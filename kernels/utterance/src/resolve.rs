@@ -153,10 +153,6 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
 }
 
 fn dedup(names: &mut Vec<Name>) {
-    let mut seen: Vec<String> = Vec::new();
-    names.retain(|name| {
-        let fresh = !seen.contains(&name.reference);
-        seen.push(name.reference.clone());
-        fresh
-    });
+    let mut seen = std::collections::HashSet::new();
+    names.retain(|name| seen.insert(name.reference.clone()));
 }

@@ -3,10 +3,13 @@
 use crate::draft::{Draft, Place, Region};
 use crate::item::{Item, Sort};
 use crate::lexicon::Sense;
-use crate::noun::Name;
+use crate::noun::{Name, Nouns};
 use crate::phrase::noun_phrase;
 use crate::quantity::{Bound, Kind, Quantity};
 use crate::segment::Join;
+
+/// Most slots that one stretch may fill.
+const N_SLOTS_MAX: usize = 48;
 
 /// Fills the slots from one stretch of items.
 #[must_use]
@@ -18,7 +21,13 @@ pub fn scan(items: &[Item], join: Join) -> Draft {
         draft: Draft { join: Some(join), words, ..Draft::default() },
         before: Before::Nothing,
     };
-    while scanner.at < items.len() {
+    while let Some(item) = items.get(scanner.at) {
+        let draft = &mut scanner.draft;
+        if draft.senses.len() + draft.names.len() + draft.regions.len() > N_SLOTS_MAX {
+            // No stretch of speech holds so much: it is asked about, and the work stays linear.
+            draft.leftover.push(item.text.clone());
+            break;
+        }
         scanner.step();
     }
     scanner.finish()
@@ -30,6 +39,7 @@ enum Before {
     Nothing,
     Place(Place),
     Except,
+    ExceptName,
     LooseName,
     RegionName,
     Copula,
@@ -97,6 +107,7 @@ impl Scanner<'_> {
         let means = item.is_any(&[
             Sense::VerbOn,
             Sense::OffLimits,
+            Sense::Closed,
             Sense::Fragile,
             Sense::Sleeping,
             Sense::NeedsSpace,
@@ -126,7 +137,7 @@ impl Scanner<'_> {
             }
             Before::Except => {
                 self.draft.except.push(name);
-                self.before = Before::Other;
+                self.before = Before::ExceptName;
             }
             _ => {
                 self.draft.names.push(name);
@@ -151,11 +162,26 @@ impl Scanner<'_> {
 
     /// Reads a place word; attaches it to the name before it when it only describes that name.
     fn place(&mut self, item: &Item) -> bool {
-        let follows_name = matches!(self.before, Before::LooseName | Before::RegionName);
+        let follows_name = matches!(self.before, Before::LooseName | Before::RegionName | Before::ExceptName);
+        if self.lets_off(item) {
+            self.before = Before::Except;
+            return true;
+        }
+        if follows_name && self.gap_between(item) {
+            return true;
+        }
         if let (true, "with", Some((name, n_items))) =
             (follows_name, item.text.as_str(), noun_phrase(self.items, self.at, true))
         {
             self.extend_last_name("with", &name);
+            self.at += n_items;
+            return true;
+        }
+        // "the floor outside bay 3": describes the floor.
+        if let (Before::LooseName | Before::RegionName, "outside" | "outside of", Some((name, n_items))) =
+            (self.before, item.text.as_str(), noun_phrase(self.items, self.at, true))
+        {
+            self.extend_last_name(&item.text, &name);
             self.at += n_items;
             return true;
         }
@@ -203,6 +229,12 @@ impl Scanner<'_> {
         if place == Place::To && name_ahead.is_none() {
             return true;
         }
+        let place = match &name_ahead {
+            Some((name, _)) if item.text == "at" && self.draft.senses.last() == Some(&Sense::Halt) => {
+                self.stop_at(name)
+            }
+            _ => place,
+        };
         self.before = Before::Place(place);
         if item.is(Sense::VerbOn) || item.is(Sense::Motion) {
             self.draft.senses.push(Sense::Motion);
@@ -210,18 +242,80 @@ impl Scanner<'_> {
         true
     }
 
+    /// "stop at the line" forbids what lies past it; at anything else it may mean anything.
+    fn stop_at(&mut self, name: &Name) -> Place {
+        if Nouns::get().is_threshold(&name.obj) {
+            self.draft.senses.pop();
+            self.draft.senses.push(Sense::Hold);
+            return Place::ThisSide;
+        }
+        if !Nouns::get().is_living(&name.obj) {
+            self.draft.leftover.push(format!("stop at the {}", name.reference));
+        }
+        Place::Near
+    }
+
+    /// "any room besides the study": here "besides" lets off.
+    fn lets_off(&self, item: &Item) -> bool {
+        let last = match self.before {
+            Before::RegionName => self.draft.regions.last().and_then(|region| region.names.last()),
+            Before::LooseName => self.draft.names.last(),
+            _ => None,
+        };
+        item.is(Sense::Except) && last.is_some_and(|name| name.is_universal)
+    }
+
+    /// "the path between the roses and the fence": the gap, or a thing that stands in it.
+    fn gap_between(&mut self, item: &Item) -> bool {
+        if !item.is(Sense::PrepBetween) {
+            return false;
+        }
+        let Some((first, n_items)) = noun_phrase(self.items, self.at, true) else { return false };
+        self.at += n_items;
+        let gap = self.second_of_gap(Place::Between, first);
+        let last = match self.before {
+            Before::RegionName => self.draft.regions.last().and_then(|region| region.names.last()),
+            Before::LooseName => self.draft.names.last(),
+            _ => None,
+        };
+        if last.is_some_and(|name| Nouns::get().is_passage(&name.obj)) {
+            match self.before {
+                Before::RegionName => drop(self.draft.regions.pop()),
+                _ => drop(self.draft.names.pop()),
+            }
+            self.draft.regions.push(Region { place: Place::Between, names: gap });
+            self.before = Before::RegionName;
+        } else {
+            let both: Vec<&str> = gap.iter().map(|name| name.reference.as_str()).collect();
+            let tail = Name { reference: both.join(" and "), ..Name::default() };
+            self.extend_last_name(&item.text, &tail);
+        }
+        true
+    }
+
     fn extend_last_name(&mut self, link: &str, tail: &Name) {
         let name = match self.before {
+            Before::ExceptName => self.draft.except.last_mut(),
             Before::RegionName => self.draft.regions.last_mut().and_then(|region| region.names.last_mut()),
             _ => self.draft.names.last_mut(),
         };
         if let Some(name) = name {
+            // A meeting cannot be seen; the room it is in can.
+            if Nouns::get().is_event(&name.obj) && !tail.obj.is_empty() {
+                *name = tail.clone();
+                return;
+            }
+            if Nouns::get().is_place(&tail.obj) {
+                self.draft.whereabouts.push(tail.clone());
+            }
             name.reference = format!("{} {link} {}", name.reference, tail.reference);
+            name.is_pronoun = false;
             // "the area around the stove" is about the stove.
             if matches!(
                 name.obj.as_str(),
                 "area" | "space" | "region" | "zone" | "spot" | "place" | "bit" | "floor area"
-            ) {
+            ) && !tail.obj.is_empty()
+            {
                 name.obj.clone_from(&tail.obj);
             }
         }
@@ -261,6 +355,8 @@ impl Scanner<'_> {
         }
         let chosen = choose(item, senses, &self.draft, self.peek(0));
         match chosen {
+            // "never, never": said twice, meant once.
+            Some(Sense::Neg) if self.follows_negation() => {}
             Some(Sense::Neg) => self.draft.n_neg += 1,
             Some(Sense::TimeWords) => self.draft.unobservable = Some(item.text.clone()),
             Some(Sense::Except | Sense::But) => {
@@ -287,10 +383,25 @@ impl Scanner<'_> {
         self.before = Before::Other;
     }
 
+    /// Whether the item before the one just read was a negation too.
+    fn follows_negation(&self) -> bool {
+        let before = self.at.checked_sub(2).and_then(|idx| self.items.get(idx));
+        before.is_some_and(|item| item.is(Sense::Neg)) && self.draft.n_neg > 0
+    }
+
     fn finish(mut self) -> Draft {
         let loose = self.draft.names.iter().filter(|name| !name.is_pronoun).count();
         self.draft.is_crowded = loose > 1
             && !self.draft.has_any(&[Sense::Copula, Sense::ThereIs, Sense::Subject, Sense::Statement]);
+        // "do not move": the whole of it.
+        if self.draft.n_neg == 1
+            && self.draft.senses == [Sense::Motion]
+            && self.draft.words.ends_with(" move")
+            && self.before == Before::Other
+        {
+            self.draft.n_neg = 0;
+            self.draft.senses = vec![Sense::Halt];
+        }
         // A place word without a name: nearness said of nobody, or a dangling word.
         if let Before::Place(place) = self.before {
             if place == Place::Near {
@@ -371,8 +482,11 @@ fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<&Item>) -> 
                 || !draft.is_negated();
             return Some(if noun { Sense::SpeedNoun } else { Sense::Fast });
         }
+        "who" if draft.senses.is_empty() && draft.names.is_empty() => return Some(Sense::Question),
         "to avoid" => return Some(Sense::Avoid),
-        "go around" | "drive around" if next.is_some_and(|n| n.is_word() || n.is(Sense::Det)) => {
+        "go around" | "drive around"
+            if next.is_some_and(|n| n.is_word() || n.is_any(&[Sense::Det, Sense::Pronoun])) =>
+        {
             return Some(Sense::Avoid);
         }
         "leave" => return Some(if draft.is_negated() { Sense::VerbLeave } else { Sense::Hold }),
@@ -403,7 +517,14 @@ fn by_rank(senses: &[Sense], draft: &Draft) -> Option<Sense> {
     first_of(&[Sense::Neg, Sense::Lift, Sense::NormalSpeed, Sense::AsNormal, Sense::History, Sense::MinSpeed])
         .or_else(|| {
             if draft.has(Sense::Copula) {
-                first_of(&[Sense::OffLimits, Sense::Fragile, Sense::Sleeping, Sense::NeedsSpace, Sense::Fine])
+                first_of(&[
+                    Sense::OffLimits,
+                    Sense::Closed,
+                    Sense::Fragile,
+                    Sense::Sleeping,
+                    Sense::NeedsSpace,
+                    Sense::Fine,
+                ])
             } else {
                 None
             }

@@ -74,6 +74,7 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
     // "between the sofa and the tv": the next "and" is inside.
     let mut and_is_inside = false;
     let mut named = false;
+    let mut earlier = Earlier::default();
     for (at, item) in items.iter().enumerate() {
         if item.is(Sense::PrepBetween) {
             and_is_inside = true;
@@ -82,7 +83,8 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
             and_is_inside = false;
             continue;
         }
-        let cut = cut_before(items, at, open.join, out.is_empty(), named);
+        let cut = cut_before(items, at, open.join, out.is_empty(), named, earlier);
+        earlier.see(item);
         if let Some((join, keeps_item)) = cut {
             open.range.end = at;
             push(&mut out, &open);
@@ -103,6 +105,21 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
     out
 }
 
+/// What stood anywhere before an item; kept along the way, so that nothing is read twice.
+#[derive(Clone, Copy, Default)]
+struct Earlier {
+    word_or_hold: bool,
+    universal: bool,
+}
+
+impl Earlier {
+    fn see(&mut self, item: &Item) {
+        self.word_or_hold |= item.is_word() || item.is(Sense::Hold);
+        self.universal |= item.is(Sense::Det)
+            && matches!(item.text.as_str(), "all" | "every" | "any" | "all the" | "all of the");
+    }
+}
+
 fn push(out: &mut Vec<Segment>, segment: &Segment) {
     if !segment.range.is_empty() {
         out.push(segment.clone());
@@ -118,7 +135,14 @@ fn stronger(a: Join, b: Join) -> Join {
 }
 
 /// Whether a cut falls before this item, and whether the item belongs to the new stretch.
-fn cut_before(items: &[Item], at: usize, open: Join, is_first: bool, named: bool) -> Option<(Join, bool)> {
+fn cut_before(
+    items: &[Item],
+    at: usize,
+    open: Join,
+    is_first: bool,
+    named: bool,
+    earlier: Earlier,
+) -> Option<(Join, bool)> {
     let item = &items[at];
     let before = at.checked_sub(1).and_then(|idx| items.get(idx));
     let next = items.get(at + 1);
@@ -134,8 +158,7 @@ fn cut_before(items: &[Item], at: usize, open: Join, is_first: bool, named: bool
         return None;
     }
     // "please to avoid the table" orders; "keep back to avoid damage" gives a reason.
-    let is_order = item.text == "to avoid"
-        && !items[..at].iter().any(|earlier| earlier.is_word() || earlier.is(Sense::Hold));
+    let is_order = item.text == "to avoid" && !earlier.word_or_hold;
     if item.is(Sense::Because) && !is_order {
         return Some((Join::Because, false));
     }
@@ -161,10 +184,7 @@ fn cut_before(items: &[Item], at: usize, open: Join, is_first: bool, named: bool
         let universal_exception = item.text == "but"
             && before.is_some_and(Item::is_word)
             && next.is_some_and(|n| n.is(Sense::Det) || n.is_word())
-            && items[..at].iter().any(|i| {
-                i.is(Sense::Det)
-                    && matches!(i.text.as_str(), "all" | "every" | "any" | "all the" | "all of the")
-            });
+            && earlier.universal;
         let after_everywhere = item.text == "but"
             && before
                 .is_some_and(|b| b.is_any(&[Sense::Everywhere, Sense::AllRules]) || b.text == "anything");

@@ -13,6 +13,8 @@ use crate::text::Token;
 const CHARS_MAX: usize = 16;
 /// Most words put right in one utterance; beyond that it is no slip.
 const FIXES_MAX: usize = 4;
+/// Most unknown words looked at: names are unknown too, but a text of nothing else holds no slip.
+const TRIES_MAX: usize = 16;
 
 /// A noun as typed and as taken: ("stiars", "stairs").
 pub type Slip = (String, String);
@@ -24,23 +26,30 @@ pub fn put_right(tokens: &[Token]) -> Option<(Vec<Token>, Vec<Slip>)> {
     let nouns = Nouns::get();
     let mut out = tokens.to_vec();
     let mut told = Vec::new();
-    let mut n_fixes = 0;
+    let (mut n_fixes, mut n_tries) = (0, 0);
+    // After an article or a word we do not know, a name is likelier than a slip: "fume hood".
+    let mut in_name = false;
     for token in &mut out {
         let word = token.text.clone();
+        let after_name = std::mem::replace(&mut in_name, false);
         let n_chars = word.chars().count();
         let unknown = !lexicon.knows(&word) && !nouns.knows(&word) && !token.is_mark();
+        in_name = unknown || nouns.knows(&word) || lexicon.is_article(&word);
         if !unknown
             || !(4..=CHARS_MAX).contains(&n_chars)
             || word.starts_with(|c: char| c.is_ascii_digit())
             || n_fixes == FIXES_MAX
+            || n_tries == TRIES_MAX
         {
             continue;
         }
+        n_tries += 1;
         if let Some(noun) = noun_for(&word) {
             told.push((word, noun.clone()));
             token.text = noun;
-        } else if let Some(trigger) = trigger_for(&word) {
+        } else if let Some(trigger) = trigger_for(&word).filter(|_| !after_name) {
             token.text = trigger;
+            in_name = false;
         } else {
             continue;
         }

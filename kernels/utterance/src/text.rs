@@ -3,7 +3,7 @@
 //! Nothing is interpreted here and nothing is dropped but characters that carry no words. Work is
 //! linear in the text.
 
-use crate::lexicon::Lexicon;
+use crate::lexicon::{Lexicon, Sense};
 
 /// Most characters an utterance may have.
 pub const CHARS_MAX: usize = 2000;
@@ -29,7 +29,10 @@ impl Token {
 #[must_use]
 pub fn tokens(text: &str, lexicon: &Lexicon) -> Vec<Token> {
     let mut out = Vec::new();
-    for token in raw_tokens(text) {
+    for mut token in raw_tokens(text) {
+        if let Some(word) = shortened(&token.text, lexicon) {
+            token.text = word;
+        }
         if let Some(words) = lexicon.written_out(&token.text) {
             out.extend(words.iter().map(|word| Token { text: word.clone(), glued: false }));
         } else if token.text.contains('-') && token.text.len() > 1 {
@@ -41,18 +44,51 @@ pub fn tokens(text: &str, lexicon: &Lexicon) -> Vec<Token> {
     split_short_is(out, lexicon)
 }
 
-/// "the rug's gone": an "is" when a state follows, else a possessor.
+/// "the rug's gone", "its still wet": an "is" when a state follows, else a possessor.
 fn split_short_is(tokens: Vec<Token>, lexicon: &Lexicon) -> Vec<Token> {
     let mut out = Vec::with_capacity(tokens.len());
     for (at, token) in tokens.iter().enumerate() {
-        let state_follows =
-            lexicon.senses_at(&tokens, at + 1).is_some_and(|(senses, _)| senses.iter().any(|s| s.is_state()));
-        match token.text.strip_suffix("'s").filter(|_| state_follows) {
+        let noun = match token.text.as_str() {
+            "its" => Some("it"),
+            text => text.strip_suffix("'s"),
+        };
+        match noun.filter(|_| state_follows(&tokens, at + 1, lexicon)) {
             Some(noun) => out.extend([noun, "is"].map(|word| Token { text: word.to_owned(), glued: false })),
             None => out.push(token.clone()),
         }
     }
     out
+}
+
+/// Whether what starts at `at` is said of a thing rather than owned by it.
+fn state_follows(tokens: &[Token], at: usize, lexicon: &Lexicon) -> bool {
+    let phrase = lexicon.senses_at(tokens, at);
+    let is_state = phrase
+        .is_some_and(|(senses, _)| senses.iter().any(|sense| sense.is_state() || *sense == Sense::Allow));
+    let leads_to_state = tokens.get(at).is_some_and(|next| lexicon.leads_to_state(&next.text));
+    // "the stove's hot so keep away", but "the cat's hot meal".
+    let n_tokens = phrase.map_or(1, |(_, n)| n);
+    let word_after = tokens
+        .get(at + n_tokens)
+        .is_some_and(|after| !after.is_mark() && lexicon.senses_at(tokens, at + n_tokens).is_none());
+    is_state && (n_tokens > 1 || !word_after)
+        || leads_to_state
+        || tokens.get(at).is_some_and(|next| lexicon.is_state_word(&next.text)) && !word_after
+}
+
+/// "pleeease", "shhhhh", "sooo": a letter held down, when that leads to a word we know.
+fn shortened(word: &str, lexicon: &Lexicon) -> Option<String> {
+    let chars: Vec<char> = word.chars().collect();
+    let is_run = |at: usize| at >= 2 && chars[at] == chars[at - 1] && chars[at] == chars[at - 2];
+    if lexicon.knows(word) || !chars[0].is_alphabetic() || !(2..chars.len()).any(is_run) {
+        return None;
+    }
+    let twice: String = (0..chars.len()).filter(|at| !is_run(*at)).map(|at| chars[at]).collect();
+    let mut once: Vec<char> = chars.clone();
+    once.dedup();
+    let once: String = once.into_iter().collect();
+    let known = |word: &String| lexicon.knows(word) || lexicon.written_out(word).is_some();
+    [twice, once].into_iter().find(known)
 }
 
 /// "30-centimetre" and "off-limits" fall apart; "walk-in" stays one word.
@@ -89,6 +125,9 @@ fn raw_tokens(text: &str) -> Vec<Token> {
                 '\'' | '"' if digit_before(&chars, start) => out.push(Token { text: c.to_string(), glued }),
                 '%' | '/' | '.' | ',' | ';' | '!' | '?' | ':' => {
                     out.push(Token { text: c.to_string(), glued })
+                }
+                '-' if !glued && digit_at(&chars, at) => {
+                    out.push(Token { text: "minus".into(), glued });
                 }
                 // A dash between spaces pauses; a lone hyphen elsewhere joins nothing.
                 '-' if !glued => out.push(Token { text: "-".into(), glued }),

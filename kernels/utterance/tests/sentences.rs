@@ -6,85 +6,12 @@
 // A malformed case fails the test by itself.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
+mod judge;
+
 use geometry::Profile;
-use rules::{Outcome, Relation, Reply, Rule, RuleType};
-use serde_json::Value;
+use rules::Outcome;
 
-fn cases(text: &str) -> Vec<Value> {
-    text.lines()
-        .filter(|line| !line.trim().is_empty())
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect()
-}
-
-fn active(case: &Value) -> Vec<Rule> {
-    let entries = case["context"].as_array().cloned().unwrap_or_default();
-    entries.into_iter().map(|entry| serde_json::from_value(entry["active"].clone()).unwrap()).collect()
-}
-
-fn outcome(reply: &Reply) -> &'static str {
-    match reply.outcome {
-        Outcome::Accept => "accept",
-        Outcome::Clarify => "clarify",
-        Outcome::Refuse => "refuse",
-        Outcome::Revoke => "revoke",
-    }
-}
-
-fn list(value: &Value) -> Vec<String> {
-    value.as_array().into_iter().flatten().filter_map(|entry| entry.as_str().map(str::to_owned)).collect()
-}
-
-fn in_range(found: Option<f64>, wanted: &Value) -> bool {
-    match (wanted[0].as_f64(), wanted[1].as_f64()) {
-        (Some(low), Some(high)) => found.is_some_and(|value| (low - 1e-9..=high + 1e-9).contains(&value)),
-        _ => found.is_none(),
-    }
-}
-
-fn relation(rule: &Rule) -> String {
-    serde_json::to_value(rule.relation).unwrap().as_str().unwrap().to_owned()
-}
-
-fn fits(rule: &Rule, wanted: &Value) -> bool {
-    let kind = if rule.rule_type == RuleType::Exclusion { "exclusion" } else { "kinematic" };
-    let named = |found: &str, names: &Value| {
-        list(names).iter().any(|name| name == found || found.ends_with(&format!(" {name}")))
-    };
-    wanted["type"] == kind
-        && list(&wanted["relation"]).contains(&relation(rule))
-        && (rule.relation == Relation::Global || named(&rule.obj, &wanted["obj"]))
-        && (wanted["obj2"].is_null() || named(rule.obj2.as_deref().unwrap_or_default(), &wanted["obj2"]))
-        && in_range(Some(rule.buffer_m), &wanted["buffer_m"])
-        && (wanted["vel_max"].is_null() || in_range(rule.vel_max, &wanted["vel_max"]))
-        && (wanted["ang_vel_max"].is_null() || in_range(rule.ang_vel_max, &wanted["ang_vel_max"]))
-        && in_range(rule.ttl_s.map(|seconds| seconds as f64), &wanted["ttl_s"])
-        && rule.except.len() == wanted["except"].as_array().map_or(0, Vec::len)
-}
-
-/// What is wrong with the reply, if anything.
-fn wrong(case: &Value, reply: &Reply) -> Option<String> {
-    let expect = &case["expect"];
-    let found = outcome(reply);
-    if expect["outcome"] != found {
-        return if list(&expect["also"]).iter().any(|also| also == found) {
-            None
-        } else {
-            Some(format!("{found}: {}", reply.say))
-        };
-    }
-    let mut revoked = reply.revoked.clone();
-    let mut wanted_revoked = list(&expect["revoked"]);
-    revoked.sort();
-    wanted_revoked.sort();
-    if revoked != wanted_revoked {
-        return Some(format!("revoked {revoked:?}"));
-    }
-    let wanted: Vec<&Value> = expect["specs"].as_array().into_iter().flatten().collect();
-    let all_found = wanted.len() == reply.specs.len()
-        && wanted.iter().all(|want| reply.specs.iter().any(|rule| fits(rule, want)));
-    if all_found { None } else { Some(format!("{:?}", rules::english::read_back_all(&reply.specs))) }
-}
+use crate::judge::{active, cases, is_harmful, list, outcome, wrong};
 
 fn failures(text: &str) -> (usize, Vec<String>) {
     let cases = cases(text);
@@ -104,6 +31,36 @@ fn every_sentence_becomes_its_rules_or_a_question() {
     let (n_cases, failed) = failures(include_str!("sentences.jsonl"));
     assert!(n_cases >= 250, "{n_cases} cases");
     assert!(failed.is_empty(), "{} of {n_cases}:\n{}", failed.len(), failed.join("\n"));
+}
+
+#[test]
+fn every_sentence_of_the_paper_becomes_its_rule() {
+    let (n_cases, failed) = failures(include_str!("paper.jsonl"));
+    assert!(n_cases == 14 && failed.is_empty(), "of {n_cases}:\n{}", failed.join("\n"));
+}
+
+/// Sentences written in the manner of many speakers before the parser was tried on them; the parser
+/// may ask about a few, but not take one for a rule that it is not.
+#[test]
+fn speakers_of_many_kinds_are_understood_or_asked() {
+    let cases = cases(include_str!("speakers.jsonl"));
+    assert!(cases.len() >= 400, "{} cases", cases.len());
+    let mut failed = Vec::new();
+    let mut n_harmful = 0;
+    for case in &cases {
+        let words = case["text"].as_str().unwrap();
+        let reply = utterance::parse(&active(case), &Profile::sim(), words);
+        if let Some(why) = wrong(case, &reply) {
+            n_harmful += usize::from(is_harmful(case, &reply));
+            failed.push(format!("{words:?} -> {why}"));
+        }
+        let is_unsafe = list(&case["tags"]).contains(&"unsafe".to_owned());
+        let took = matches!(reply.outcome, Outcome::Accept | Outcome::Revoke);
+        assert!(!(is_unsafe && took), "unsafe, and taken: {words:?}");
+    }
+    let share = failed.len() as f64 / cases.len() as f64;
+    assert!(share <= 0.03, "{} of {}:\n{}", failed.len(), cases.len(), failed.join("\n"));
+    assert!(n_harmful * 200 <= cases.len(), "{n_harmful} harmful:\n{}", failed.join("\n"));
 }
 
 #[test]

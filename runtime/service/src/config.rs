@@ -12,6 +12,8 @@ use sha2::{Digest, Sha256};
 
 /// Longest configuration file, bytes.
 const N_BYTES_MAX: u64 = 1024 * 1024;
+/// The last place in the queue for the CPU.
+const NICENESS_MAX: u8 = 19;
 
 /// A service's own section.
 pub trait Settings: DeserializeOwned + Serialize + Send + 'static {
@@ -35,6 +37,10 @@ pub struct Common {
     pub profile: PathBuf,
     /// What is logged, as in `info` or `info,heedway_filter=debug`.
     pub log: String,
+    /// How far behind others the process stands in the queue for the CPU: 0 (not at all) to 19. What may
+    /// take its time leaves the CPU to what must be on time.
+    #[serde(default)]
+    pub niceness: u8,
     /// How the network is reached.
     pub network: Network,
 }
@@ -110,6 +116,9 @@ pub fn load<S: Settings>(file: &Path) -> Result<Loaded<S>, ConfigError> {
     if !["peer", "client", "router"].contains(&common.network.mode.as_str()) {
         let mode = &common.network.mode;
         return Err(fail(format!("network.mode is {mode:?}, must be peer, client or router")));
+    }
+    if common.niceness > NICENESS_MAX {
+        return Err(fail(format!("niceness is {}, must be 0 to {NICENESS_MAX}", common.niceness)));
     }
     settings.check(&profile).map_err(|e| fail(format!("[{}]: {e}", S::SECTION)))?;
 
@@ -201,6 +210,10 @@ mod tests {
         check(&format!("{COMMON}[sample]\nrate_hz = 20.0\nspeed = 1\n"), Err(&["speed", "unknown"]));
         check(&format!("{COMMON}\n"), Err(&["[sample]", "missing"]));
         check(&format!("extra = 1\n{COMMON}[sample]\nrate_hz = 20.0\n"), Err(&["extra", "unknown"]));
+        check(
+            &format!("niceness = 20\n{COMMON}[sample]\nrate_hz = 20.0\n"),
+            Err(&["niceness", "20", "0 to 19"]),
+        );
         let odd = COMMON.replace("\"r1\"", "\"r/1\"");
         check(&format!("{odd}[sample]\nrate_hz = 20.0\n"), Err(&["robot", "r/1"]));
         let odd = COMMON.replace("\"peer\"", "\"pear\"");

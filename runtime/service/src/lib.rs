@@ -13,6 +13,7 @@ pub mod config;
 pub mod health;
 pub mod inbox;
 pub mod life;
+pub mod priority;
 pub mod session;
 
 pub use bus::{Bus, PeerChange, Publisher, Question, Received};

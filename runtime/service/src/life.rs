@@ -15,6 +15,7 @@ use crate::bus::Bus;
 use crate::clock::Clock;
 use crate::config::{self, Loaded, Settings};
 use crate::health::Counters;
+use crate::priority;
 use crate::session;
 
 /// Orderly stop.
@@ -116,6 +117,11 @@ where
         return ExitCode::from(EXIT_CONFIG);
     }
     die_on_panic();
+    // Before there are threads: they stand where the one stands that starts them.
+    if let Err(e) = priority::lower_this_thread(loaded.common.niceness) {
+        eprintln!("{name}: {}: niceness = {}: {e}", file.display(), loaded.common.niceness);
+        return ExitCode::from(EXIT_CONFIG);
+    }
     let runtime = match tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build() {
         Ok(runtime) => runtime,
         Err(e) => {

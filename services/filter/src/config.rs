@@ -143,6 +143,11 @@ impl service::Settings for FilterSettings {
         if let Some(rate_hz) = self.scan_rate_hz {
             within("scan_rate_hz", rate_hz, 2.0, 100.0)?;
         }
+        // A base that jumps to its set-point is ahead of the plan by half a step; by a whole one when it is
+        // given the speed of a step later at every one of several ticks a step (see `control::certificate`).
+        let ticks_per_step = self.rate_hz * self.step_s;
+        let ahead_s = if ticks_per_step > 1.0 + 1e-9 { self.step_s } else { self.step_s / 2.0 };
+        within("disturbance.delay_s", self.disturbance.delay_s, ahead_s, 0.5)?;
         self.filter_config(profile).checked(profile).map(|_| ()).map_err(|e| match e {
             ConfigError::Range { key, value, low, high } => {
                 Invalid::new(key, value, format_args!("{low} to {high}"))
@@ -184,5 +189,14 @@ mod tests {
         check(|s| s.n_steps = 0, "n_steps", "0");
         check(|s| s.disturbance.position_m = -0.01, "disturbance.position_m", "-0.01");
         check(|s| s.scan_rate_hz = Some(1.0), "scan_rate_hz", "1");
+        check(|s| s.disturbance.delay_s = 0.02, "disturbance.delay_s", "0.02");
+    }
+
+    #[test]
+    fn ticks_faster_than_the_step_need_a_whole_step_of_delay_allowed_for() {
+        check(|s| s.rate_hz = 100.0, "disturbance.delay_s", "0.025");
+        let mut fast = FilterSettings { rate_hz: 100.0, ..FilterSettings::for_profile(&Profile::sim()) };
+        fast.disturbance.delay_s = fast.step_s;
+        assert_eq!(fast.check(&Profile::sim()), Ok(()));
     }
 }

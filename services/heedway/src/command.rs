@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use service::life::{EXIT_FAILED, EXIT_OK, EXIT_USAGE};
 
-use crate::{carry, demo, parse, rules_list, say, slam, watch};
+use crate::{bench, carry, demo, ground, parse, rules_list, say, slam, watch};
 
 /// Tell a robot in plain words what to heed, and see that it does.
 #[derive(Parser, Debug)]
@@ -30,6 +30,11 @@ enum Command {
     Parse(parse::Arguments),
     /// Map a recorded laser log.
     Slam(slam::Arguments),
+    /// Time the parts that a robot's computer waits for.
+    #[command(subcommand)]
+    Bench(bench::Bench),
+    /// Find what rules speak of in recorded RGB-D, without a robot: overlays, maps, a summary.
+    Ground(ground::Arguments),
     /// Run one service in this process.
     Service(carry::Arguments),
 }
@@ -52,6 +57,8 @@ pub fn run() -> ExitCode {
         Command::Watch(arguments) => in_runtime(watch::run(arguments)),
         Command::Parse(arguments) => told(parse::run(&arguments)),
         Command::Slam(arguments) => told(slam::run(&arguments)),
+        Command::Bench(what) => told(bench::run(&what)),
+        Command::Ground(arguments) => told(ground::run(&arguments)),
         // It starts a runtime of its own.
         Command::Service(arguments) => carry::run(&arguments),
     }

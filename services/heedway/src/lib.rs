@@ -4,14 +4,17 @@
 //! whole system, and [`fleet`] starts that system as separate processes. Deliberately not here: anything
 //! that decides how a robot moves or what a rule means; only public topics are used.
 
+pub mod bench;
 pub mod board;
 pub mod carry;
 pub mod command;
 pub mod connection;
 pub mod demo;
 pub mod fleet;
+pub mod ground;
 pub mod hearing;
 pub mod parse;
+pub mod rules_file;
 pub mod rules_list;
 pub mod say;
 pub mod slam;

@@ -16,7 +16,7 @@ use rules::Reply;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-pub use verify::{AuditReport, verify_audit};
+pub use verify::{AuditReport, AuditedEntry, read_audit, verify_audit};
 
 /// What the first line follows.
 const GENESIS: &str = "0000000000000000000000000000000000000000000000000000000000000000";
@@ -276,18 +276,36 @@ mod tests {
         let good = std::fs::read_to_string(&file).unwrap();
         let lines: Vec<&str> = good.lines().collect();
         for (bad, number) in [
-            (good.replace("two", "tw0"), "line 3"),
+            (good.replace("two", "tw0"), "line 2 at byte"),
             ([lines[0], lines[2], ""].join("\n"), "line 2"),
             ([lines[1], lines[0], lines[2], ""].join("\n"), "line 1"),
             ([lines[1], lines[2], ""].join("\n"), "line 1"),
             ([lines[0], lines[0], lines[1], ""].join("\n"), "line 2"),
-            ([lines[0], "what is this", lines[1], ""].join("\n"), "line 3"),
-            ([lines[0], "what is this", ""].join("\n"), "last line"),
+            ([lines[0], "what is this", lines[1], ""].join("\n"), "line 2 at byte"),
+            ([lines[0], "what is this", ""].join("\n"), "line 2 at byte"),
         ] {
             std::fs::write(&file, bad).unwrap();
             let error = format!("{:#}", verify_audit(&file).unwrap_err());
             assert!(error.contains(number) && error.contains("audit.jsonl"), "{error}");
+            assert!(error.contains("sha256") || error.contains("hash"), "{error}");
         }
+    }
+
+    #[test]
+    fn entries_are_shown_with_number_offset_and_hash_up_to_the_first_broken_one() {
+        let (_folder, file) = written(&["one", "two", "three"]);
+        let mut seen = Vec::new();
+        let report = read_audit(&file, |found| seen.push(found)).unwrap();
+        let text = std::fs::read_to_string(&file).unwrap();
+        let offsets: Vec<u64> = text.match_indices("{\"n\":").map(|(at, _)| at as u64).collect();
+        assert_eq!(seen.iter().map(|found| found.offset).collect::<Vec<_>>(), offsets);
+        assert_eq!(seen.iter().map(|found| found.number).collect::<Vec<_>>(), [1, 2, 3]);
+        assert_eq!((seen[2].entry.text.as_str(), &seen[2].hash), ("three", &report.last_hash));
+        std::fs::write(&file, text.replace("three", "thr33")).unwrap();
+        seen.clear();
+        let error = format!("{:#}", read_audit(&file, |found| seen.push(found)).unwrap_err());
+        assert_eq!(seen.len(), 2);
+        assert!(error.contains(&format!("line 3 at byte {}", offsets[2])), "{error}");
     }
 
     #[test]

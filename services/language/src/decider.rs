@@ -20,6 +20,7 @@ use rules::{Reply, Rule};
 
 use crate::acknowledgement::{Acknowledgements, Progress};
 use crate::audit::Entry;
+use crate::boot::BootClock;
 use crate::config::ParserChoice;
 use crate::dialogue::{Dialogue, Question};
 use crate::lifetimes::Lifetimes;
@@ -45,6 +46,8 @@ pub struct Setup {
     pub parser: ParserChoice,
     /// The offline parser.
     pub parse: Parse,
+    /// The host's own clock at the start, if it tells.
+    pub boot: Option<BootClock>,
 }
 
 /// What happened.
@@ -191,9 +194,9 @@ impl Decider {
     #[must_use]
     pub fn new(setup: Setup, book: Rulebook, now: Time, unix_ms: u64) -> Decider {
         Decider {
-            setup,
             tried: (book.version, book.n_ids_given),
-            lifetimes: Lifetimes::of(&book, now, unix_ms),
+            lifetimes: Lifetimes::of(&book, now, unix_ms, setup.boot.clone()),
+            setup,
             book,
             dialogue: Dialogue::default(),
             whereabouts: Whereabouts::default(),

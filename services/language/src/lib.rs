@@ -6,6 +6,7 @@
 pub mod acknowledgement;
 pub mod admission;
 pub mod audit;
+pub mod boot;
 pub mod config;
 pub mod decider;
 pub mod dialogue;
@@ -55,6 +56,7 @@ pub async fn serve(life: Life, settings: LanguageSettings) -> anyhow::Result<()>
         question_timeout: settings.question_timeout(),
         parser: settings.parser,
         parse: utterance::parse,
+        boot: boot::BootClock::read(),
     };
     let mut decider = Decider::new(setup, book, life.clock.now(), unix_ms);
     let inbox = Inbox::new();

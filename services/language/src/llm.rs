@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use anyhow::Context;
 use geometry::Profile;
-use rules::Reply;
+use rules::{Reply, Rule};
 
 use crate::decider::{ModelTask, Reading};
 use endpoint::Endpoint;
@@ -65,6 +65,11 @@ impl LlmParser {
         let mut raw = Vec::new();
         let reply = self.ask(task, &mut raw).await.map_err(|error| error.to_string());
         Reading { reply, parser: self.parser_name(), raw, prompt_sha256: self.prompt.sha256().to_owned() }
+    }
+
+    /// Asks for one instruction by itself, with these rules in force; for evaluations.
+    pub async fn read_one(&self, text: &str, active: &[Rule]) -> Reading {
+        self.read(&ModelTask { text: text.to_owned(), before: None, active: active.to_vec() }).await
     }
 
     /// `llm:` and the model, as rules carry it.

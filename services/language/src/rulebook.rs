@@ -7,6 +7,8 @@ use proto::RuleSet;
 use rules::Rule;
 use serde::{Deserialize, Serialize};
 
+use crate::boot::BootClock;
+
 /// What is durable. A version never goes back and an id is never given twice.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -17,6 +19,9 @@ pub struct Rulebook {
     pub n_ids_given: u64,
     /// The rules in force, oldest first.
     pub kept: Vec<KeptRule>,
+    /// When this was written, by a clock that nobody can set; none when the host has no such clock.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub written: Option<BootClock>,
 }
 
 /// One rule in force.
@@ -27,13 +32,16 @@ pub struct KeptRule {
     pub rule: Rule,
     /// When it ends, milliseconds since the Unix epoch by the host's wall clock; none when it is revoked.
     pub deadline_unix_ms: Option<u64>,
+    /// How much of its lifetime was left when this was written, milliseconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_ms: Option<u64>,
     /// Who said it.
     pub speaker: String,
 }
 
 impl Default for Rulebook {
     fn default() -> Self {
-        Rulebook { version: 1, n_ids_given: 0, kept: Vec::new() }
+        Rulebook { version: 1, n_ids_given: 0, kept: Vec::new(), written: None }
     }
 }
 
@@ -63,12 +71,14 @@ impl Rulebook {
             version: self.version + 1,
             n_ids_given: self.n_ids_given,
             kept: self.kept.iter().filter(|kept| !revoked.contains(&kept.rule.id)).cloned().collect(),
+            written: None,
         };
         for mut rule in new {
             next.n_ids_given += 1;
             rule.id = format!("s{}", next.n_ids_given);
             let deadline_unix_ms = rule.ttl_s.map(|ttl_s| unix_ms.saturating_add(ttl_s.saturating_mul(1000)));
-            next.kept.push(KeptRule { rule, deadline_unix_ms, speaker: speaker.to_owned() });
+            let left_ms = rule.ttl_s.map(|ttl_s| ttl_s.saturating_mul(1000));
+            next.kept.push(KeptRule { rule, deadline_unix_ms, left_ms, speaker: speaker.to_owned() });
         }
         next
     }

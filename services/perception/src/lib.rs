@@ -11,6 +11,7 @@ use std::process::ExitCode;
 
 use service::Settings;
 
+pub mod ground;
 pub mod localisation;
 pub mod odometry_track;
 pub mod recording;

@@ -95,11 +95,13 @@ impl Recording {
         );
         let pose_lines = match naming {
             Naming::SevenScenes => Vec::new(),
-            Naming::Numbered => text(&folder.join("pose.txt"))?
+            Naming::Numbered if folder.join("pose.txt").exists() => text(&folder.join("pose.txt"))?
                 .lines()
                 .filter(|line| !line.trim().is_empty())
                 .map(str::to_owned)
                 .collect(),
+            // Every pose is then missing, and each frame says so.
+            Naming::Numbered => Vec::new(),
         };
         Ok(Recording { folder: folder.to_owned(), naming, intrinsics, numbers, pose_lines })
     }
@@ -139,16 +141,35 @@ impl Recording {
     /// Names the file and what is wrong with it.
     pub fn read(&self, number: u32) -> anyhow::Result<RecordedFrame> {
         let depth = self.read_depth(number)?;
+        Ok(RecordedFrame { depth, rgb: self.rgb(number)? })
+    }
+
+    /// Reads depth and colour of one frame, wherever it was taken.
+    ///
+    /// # Errors
+    /// Names the file and what is wrong with it.
+    pub fn read_images(&self, number: u32) -> anyhow::Result<(Vec<u16>, Vec<u8>)> {
+        let file = self.file(number, Part::Depth);
+        let (width, height, depth_mm) = pixels::depth_mm(&file)?;
+        self.check_size(&file, width, height)?;
+        Ok((depth_mm, self.rgb(number)?))
+    }
+
+    fn rgb(&self, number: u32) -> anyhow::Result<Vec<u8>> {
         let mut file = self.file(number, Part::Colour);
         if !file.exists() {
             file.set_extension("png");
         }
         let (width, height, rgb) = pixels::rgb(&file)?;
         self.check_size(&file, width, height)?;
-        Ok(RecordedFrame { depth, rgb })
+        Ok(rgb)
     }
 
-    fn pose(&self, number: u32) -> anyhow::Result<Pose3> {
+    /// Where the camera was when a frame was taken, in the recording's own world.
+    ///
+    /// # Errors
+    /// When its pose is missing or impossible; names the file.
+    pub fn pose(&self, number: u32) -> anyhow::Result<Pose3> {
         match self.naming {
             Naming::SevenScenes => {
                 let file = self.file(number, Part::Pose);

@@ -25,6 +25,7 @@ pub mod models;
 pub mod object_maps;
 pub mod questions;
 pub mod regions;
+pub mod replay;
 pub mod report;
 pub mod searches;
 
@@ -34,7 +35,10 @@ mod tests;
 pub use config::Settings;
 pub use decider::{Decider, Input, Output};
 
-use models::{Ask, Models, RemoteModels};
+use config::ModelSource;
+use models::configured::LocalModels;
+use models::remote::RemoteModels;
+use models::{Answer, Ask, Models};
 use object_maps::{Job, ObjectMaps};
 
 /// How often the decider looks at the clock.
@@ -68,6 +72,35 @@ pub async fn serve(life: Life, settings: Settings) -> anyhow::Result<()> {
     }
 }
 
+/// Whoever plays the model roles.
+enum Asked {
+    Remote(RemoteModels),
+    Local(LocalModels),
+}
+
+impl Asked {
+    async fn new(life: &Life, settings: &Settings) -> anyhow::Result<Self> {
+        let (onnx, folder) = (settings.onnx.clone().within(&life.folder), life.folder.clone());
+        Ok(match settings.models {
+            ModelSource::Remote => {
+                Asked::Remote(RemoteModels::new(life.bus.clone(), settings.model_patience()))
+            }
+            ModelSource::Yolo => {
+                let files = settings.yolo.clone().within(&folder);
+                let opened = tokio::task::spawn_blocking(move || LocalModels::open_yolo(&onnx, &files));
+                Asked::Local(opened.await??)
+            }
+        })
+    }
+
+    async fn answer(&self, ask: &Ask) -> anyhow::Result<Box<Answer>> {
+        match self {
+            Asked::Remote(models) => models.answer(ask).await,
+            Asked::Local(models) => models.answer(ask).await,
+        }
+    }
+}
+
 /// Performs what the decider wants.
 struct Shell<'a> {
     life: &'a Life,
@@ -75,7 +108,7 @@ struct Shell<'a> {
     beat: Publisher<SemanticsBeat>,
     rules_held: Publisher<RulesHeld>,
     object_maps: BTreeMap<String, Publisher<ObjectMap>>,
-    models: Arc<RemoteModels>,
+    models: Arc<Asked>,
     maps: Arc<Mutex<ObjectMaps>>,
     back: Arc<Slot<Input>>,
 }
@@ -88,7 +121,7 @@ impl<'a> Shell<'a> {
             beat: life.bus.publisher(&topics::SEMANTICS_BEAT).await?,
             rules_held: life.bus.instance_publisher(&topics::RULES_HELD, &life.name).await?,
             object_maps: BTreeMap::new(),
-            models: Arc::new(RemoteModels::new(life.bus.clone(), settings.model_patience())),
+            models: Arc::new(Asked::new(life, settings).await?),
             maps: Arc::new(Mutex::new(ObjectMaps::new(settings.maps(&life.profile), &life.profile)?)),
             // One question and one job are under way at most.
             back: Arc::new(inbox.slot(4)),

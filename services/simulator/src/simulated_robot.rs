@@ -21,6 +21,9 @@ use crate::sensor_noise::draws;
 use crate::truth::GroundTruth;
 use crate::worker::Worker;
 
+/// How far the threads that render give way to everybody else.
+const CAMERA_NICENESS: u8 = 10;
+
 /// A robot in a scene.
 pub struct SimulatedRobot {
     plant: Plant,
@@ -266,6 +269,7 @@ fn camera_thread(
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(n_threads)
         .thread_name(|k| format!("camera-{k}"))
+        .start_handler(|_| give_way())
         .build()
         .context("start the camera's threads")?;
     Worker::start("camera", move |snapshot: Snapshot| {
@@ -280,4 +284,11 @@ fn camera_thread(
             depth_mm_le: RgbdFrame::depth_bytes(&image.depth_mm),
         }
     })
+}
+
+/// A picture may be late; the loop that drives the base may not.
+fn give_way() {
+    if let Err(error) = service::priority::lower_this_thread(CAMERA_NICENESS) {
+        tracing::warn!(%error, "the camera's threads compete with the base's");
+    }
 }

@@ -47,7 +47,7 @@ impl Filter {
         let rate = wanted.yaw_rate_rad_s;
         let goal = Wanted { above_m: 0.0, enough_m: self.config.ample_m };
         let mut best = std::mem::take(&mut self.best);
-        search(scene, &self.search, &self.noise, runner, (rate, &warm), goal, &mut best);
+        search(scene, &self.search, &mut self.noise, runner, (rate, &warm), goal, &mut best);
         let choice = match best.value_m {
             Some(v_safe_m) => {
                 let safest = self.roll(scene, &best.controls);
@@ -76,21 +76,22 @@ impl Filter {
         (v_safe_m, safest): (f64, &Plan),
     ) -> Option<Choice> {
         let config = &self.config;
-        let (candidates, needed_m) = match config.method {
-            Method::LeastRestrictive => (vec![wanted], config.epsilon_m),
-            _ => {
-                let capped = capped(scene, nominal, config.step_s);
-                let kept_share = 1.0 - config.gamma_per_s * config.step_s;
-                let all = primitives(wanted, capped, &scene.assumptions.limits);
-                (all, kept_share * v_safe_m.min(config.ample_m))
-            }
+        let (is_blending, needed_m) = match config.method {
+            Method::LeastRestrictive => (false, config.epsilon_m),
+            _ => (true, (1.0 - config.gamma_per_s * config.step_s) * v_safe_m.min(config.ample_m)),
         };
-        let passed = candidates.iter().position(|&first| self.continues(scene, safest, first, needed_m));
+        let capped = capped(scene, nominal, config.step_s);
+        // The nominal control is the nearest of the primitives; the others are made when it does not pass.
+        let mut passed = self.continues(scene, safest, wanted, needed_m).then_some(wanted);
+        if passed.is_none() && is_blending {
+            let others = primitives(wanted, capped, &scene.assumptions.limits);
+            passed = others.into_iter().skip(1).find(|&first| self.continues(scene, safest, first, needed_m));
+        }
         let (plan, action, v_sent_m) = match passed {
-            Some(idx) => {
-                let mut controls = vec![candidates[idx]];
+            Some(first) => {
+                let mut controls = vec![first];
                 controls.extend(&self.continued.controls);
-                let action = if idx == 0 { Action::Passed } else { Action::Blended };
+                let action = if first == wanted { Action::Passed } else { Action::Blended };
                 (self.roll(scene, &controls), action, self.continued.value_m.unwrap_or(v_safe_m))
             }
             None => (safest.clone(), Action::Backup, v_safe_m),
@@ -125,7 +126,7 @@ impl Filter {
         let warm = [after.as_slice()];
         let from = (first.yaw_rate_rad_s, &warm[..]);
         let continued = &mut self.continued;
-        search(scene, &self.search, &self.noise, runner, from, goal, continued);
+        search(scene, &self.search, &mut self.noise, runner, from, goal, continued);
         continued.value_m.is_some()
     }
 
@@ -221,10 +222,11 @@ impl Filter {
         map
     }
 
-    /// Draws the noise that all scores of this tick share.
+    /// Begins the noise that all scores of this tick share.
     pub(super) fn noise_for_this_tick(&mut self) {
         let Search { n_samples, n_rounds, n_steps, .. } = self.search;
-        self.noise.draw(self.config.seed, self.tick, n_samples * n_rounds, n_steps);
+        // The paper's own filter samples at least one round.
+        self.noise.begin(self.config.seed, self.tick, n_samples * n_rounds.max(1), n_steps);
     }
 
     /// The last solution and the rest of the last plan, as sequences from now.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use geometry::Time;
-use rules::{Outcome, Reply, english};
+use rules::{Outcome, Reply, ReplyOption, english};
 
 use super::{Decider, Output, Work};
 use crate::admission::{clarify, revocation};
@@ -32,6 +32,11 @@ impl Decider {
 
     /// Begins the next thing that is due by time alone; false when there is none.
     pub(super) fn keep_house(&mut self, now: Time, outputs: &mut Vec<Output>) -> bool {
+        let doubtful = self.lifetimes.take_doubtful();
+        if !doubtful.is_empty() {
+            self.ask_about(now, &doubtful, outputs);
+            return true;
+        }
         if now >= self.retry_expiry_at {
             let ended = self.lifetimes.ended(now);
             if !ended.is_empty() {
@@ -61,6 +66,30 @@ impl Decider {
             return true;
         }
         false
+    }
+
+    /// After a restart of the host nobody can tell how long it was off: the rules stay, and somebody is asked.
+    fn ask_about(&mut self, now: Time, doubtful: &[String], outputs: &mut Vec<Output>) {
+        let kept: Vec<_> = self.book.kept.iter().filter(|kept| doubtful.contains(&kept.rule.id)).collect();
+        let names: Vec<String> = kept.iter().map(|kept| english::status(&kept.rule)).collect();
+        let names = english::and_list(&names);
+        let question = format!(
+            "I was switched off and cannot tell for how long. I go on with: {names}. Is that still needed?"
+        );
+        let keep = revocation(vec![], "All rules stay until their time is over.".into());
+        let drop = revocation(doubtful.to_vec(), format!("I no longer heed: {names}."));
+        let options = vec![
+            ReplyOption { label: "yes, keep it".into(), reply: keep },
+            ReplyOption { label: "no, drop it".into(), reply: drop },
+        ];
+        let first = kept.first();
+        let work = Work {
+            id: format!("after-restart-{}", self.lifetimes.unix_ms(now)),
+            speaker: first.map(|kept| kept.speaker.clone()).unwrap_or_default(),
+            text: first.map(|kept| kept.rule.text.clone()).unwrap_or_default(),
+            ..Work::default()
+        };
+        self.record(now, Event::Replied, work, Some(clarify(&question, options)), None, outputs);
     }
 
     fn end(&mut self, now: Time, ended: Vec<String>, outputs: &mut Vec<Output>) {

@@ -36,7 +36,10 @@ impl Decider {
         book: Option<Rulebook>,
         outputs: &mut Vec<Output>,
     ) {
-        let (book, reply) = self.renumbered(book, reply);
+        let (mut book, reply) = self.renumbered(book, reply);
+        if let Some(book) = &mut book {
+            self.lifetimes.stamp(book, now);
+        }
         let after = book.as_ref().unwrap_or(&self.book);
         let entry = Entry {
             id: work.id.clone(),

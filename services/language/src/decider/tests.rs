@@ -70,7 +70,13 @@ fn setup(parser: ParserChoice) -> Setup {
         question_timeout: Duration::from_secs(30),
         parser,
         parse,
+        boot: boot("first", Time::ZERO),
     }
+}
+
+/// The host's own clock, when the service's reads `now`.
+fn boot(boot_id: &str, now: Time) -> Option<BootClock> {
+    Some(BootClock { boot_id: boot_id.into(), uptime_ms: 500_000 + now.as_nanos() / 1_000_000 })
 }
 
 impl Bench {
@@ -152,12 +158,18 @@ impl Bench {
         );
     }
 
+    /// The service is started again on a host that was not.
     fn restarted(&self) -> Bench {
+        self.restarted_on("first")
+    }
+
+    fn restarted_on(&self, boot_id: &str) -> Bench {
         let mut next = Bench::new();
         next.disk = self.disk.clone();
         next.now = self.now;
         let unix_ms = START_UNIX_MS + self.now.as_nanos() / 1_000_000;
-        next.decider = Decider::new(setup(ParserChoice::Offline), self.disk.clone(), self.now, unix_ms);
+        let setup = Setup { boot: boot(boot_id, self.now), ..setup(ParserChoice::Offline) };
+        next.decider = Decider::new(setup, self.disk.clone(), self.now, unix_ms);
         next
     }
 }
@@ -335,6 +347,24 @@ fn a_restart_has_the_same_rules_goes_on_counting_and_keeps_deadlines() {
     again.wait(2);
     assert_eq!(again.ids(), ["s1", "s3"]);
     assert!(again.published.iter().map(|rules| rules.version).is_sorted());
+}
+
+#[test]
+fn after_a_restart_of_the_host_a_rule_with_a_lifetime_goes_on_and_somebody_is_asked() {
+    let mut bench = Bench::new();
+    bench.say("avoid rug");
+    bench.say("sofa for 60");
+    // The wall clock was set a day ahead while the host was off.
+    let mut again = bench.restarted_on("second");
+    again.step(Input::Tick(START_UNIX_MS + 86_400_000));
+    assert_eq!(again.ids(), ["s1", "s2"]);
+    let asked = again.replies.last().unwrap();
+    assert_eq!((asked.reply.outcome, asked.reply.options.len()), (Outcome::Clarify, 2));
+    assert!(asked.reply.say.contains("sofa") && !asked.reply.say.contains("rug"), "{}", asked.reply.say);
+    again.check("yes", Outcome::Revoke, &["s1", "s2"]);
+    let mut dropped = bench.restarted_on("third");
+    dropped.step(Input::Tick(START_UNIX_MS));
+    dropped.check("no", Outcome::Revoke, &["s1"]);
 }
 
 #[test]

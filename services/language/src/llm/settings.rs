@@ -78,6 +78,33 @@ fn default_n_reply_bytes_max() -> usize {
 const N_KEY_BYTES_MAX: u64 = 8 * 1024;
 
 impl LlmSettings {
+    /// What the environment tells: `HEEDWAY_LLM_BASE_URL`, `HEEDWAY_LLM_MODEL`, and the key in
+    /// `HEEDWAY_LLM_KEY` where one is needed; for commands without a configuration.
+    ///
+    /// # Errors
+    /// Names the variable that is missing or cannot be used.
+    pub fn from_environment() -> anyhow::Result<LlmSettings> {
+        const KEY: &str = "HEEDWAY_LLM_KEY";
+        let needed = |name: &str| {
+            let value = std::env::var(name).ok().filter(|value| !value.trim().is_empty());
+            value.with_context(|| format!("no language model is configured: set {name}, or name a --config"))
+        };
+        let settings = LlmSettings {
+            base_url: needed("HEEDWAY_LLM_BASE_URL")?,
+            model: needed("HEEDWAY_LLM_MODEL")?,
+            key_env: std::env::var_os(KEY).map(|_| KEY.to_owned()),
+            key_file: None,
+            authentication: Authentication::default(),
+            timeout_s: default_timeout_s(),
+            retries: default_retries(),
+            retry_pause_s: default_retry_pause_s(),
+            n_reply_bytes_max: default_n_reply_bytes_max(),
+            prompt: None,
+        };
+        settings.check().context("HEEDWAY_LLM_…")?;
+        Ok(settings)
+    }
+
     /// Checks what the types do not.
     ///
     /// # Errors

@@ -14,6 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use super::frame_door::DoorLimits;
 use super::keyframes::KeyframeLimits;
+use super::models::configured::YoloSettings;
+use super::models::runtime::RuntimeSettings;
 use super::object_maps::MapConfig;
 
 /// Who plays the model roles.
@@ -23,6 +25,8 @@ pub enum ModelSource {
     /// Whoever answers on the bus.
     #[default]
     Remote,
+    /// A YOLO segmentation in this process, for robots without a GPU.
+    Yolo,
 }
 
 /// How heat maps choose segments.
@@ -44,6 +48,8 @@ pub struct Settings {
     pub models: ModelSource,
     /// A model is given this long for an answer, milliseconds.
     pub model_patience_ms: u64,
+    /// In so many frames an object must have been seen where it is, before it counts.
+    pub n_masks_agreeing: u32,
     /// Most phrases that are searched for at once; rules beyond are reported as not grounded.
     pub n_phrases_max: usize,
     /// How heat maps choose segments.
@@ -78,6 +84,10 @@ pub struct Settings {
     pub odometry_gap_ms: u64,
     /// A robot at rest looks this often, milliseconds.
     pub idle_period_ms: u64,
+    /// The library that runs models in this process.
+    pub onnx: RuntimeSettings,
+    /// The models of `yolo`.
+    pub yolo: YoloSettings,
 }
 
 impl Default for Settings {
@@ -86,6 +96,7 @@ impl Default for Settings {
         Settings {
             models: ModelSource::Remote,
             model_patience_ms: 2000,
+            n_masks_agreeing: 2,
             n_phrases_max: 32,
             fusion: FusionRule::Coverage,
             heat_min: 0.3,
@@ -103,6 +114,8 @@ impl Default for Settings {
             keyframe_angle_rad: 0.35,
             odometry_gap_ms: 100,
             idle_period_ms: 500,
+            onnx: RuntimeSettings::default(),
+            yolo: YoloSettings::default(),
         }
     }
 }
@@ -169,10 +182,16 @@ impl Settings {
                 voxel_m: self.voxel_m,
                 truncation_m: 3.0 * self.voxel_m,
                 n_blocks_max: self.n_blocks_max,
+                // Between two whole numbers of masks, so that rounding decides nothing.
+                weight_min: self.n_masks_agreeing as f32 - 0.5,
                 limits,
                 ..TsdfConfig::default()
             },
-            floor: FloorConfig { resolution_m: self.resolution_m, ..FloorConfig::default() },
+            floor: FloorConfig {
+                resolution_m: self.resolution_m,
+                evidence_min: self.n_masks_agreeing as f32 - 0.5,
+                ..FloorConfig::default()
+            },
             obstacles: ObstacleConfig {
                 resolution_m: self.resolution_m,
                 // As many points as make a hit at the kernel's own stride of two, thinned alike.
@@ -193,6 +212,9 @@ impl service::Settings for Settings {
 
     fn check(&self, _: &Profile) -> Result<(), Invalid> {
         within("model_patience_ms", self.model_patience_ms as f64, 50.0, 60_000.0)?;
+        within("n_masks_agreeing", f64::from(self.n_masks_agreeing), 1.0, 8.0)?;
+        within("onnx.n_threads", self.onnx.n_threads as f64, 1.0, 64.0)?;
+        self.yolo.check()?;
         within("n_phrases_max", self.n_phrases_max as f64, 1.0, 256.0)?;
         within("heat_min", self.heat_min, 0.01, 1.0)?;
         within("paper_iou_min", self.paper_iou_min, 0.0, 1.0)?;

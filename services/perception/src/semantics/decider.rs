@@ -37,6 +37,8 @@ pub enum Input {
     Pose(PoseEstimate),
     /// What the camera sees.
     Frame(Box<RgbdFrame>),
+    /// A frame that knows where it was taken, from a recording.
+    Placed(Box<Frame>),
     /// The rules in force.
     Rules(RuleSet),
     /// What the models said, or why they did not.
@@ -142,6 +144,7 @@ impl Decider {
                 self.begin_anew(change);
             }
             Input::Frame(frame) => self.door.frame(now, frame),
+            Input::Placed(frame) => self.show(Arc::from(frame)),
             Input::Rules(rule_set) => self.take_over(rule_set, &mut outputs),
             Input::Answer { ask_id, answer } => self.hear(ask_id, answer),
             Input::Done(done) => self.take_back(*done, &mut outputs),

@@ -9,6 +9,7 @@ use mapping::projection::{DepthLimits, project};
 use mapping::tsdf::{Tsdf, TsdfConfigError};
 use mapping::{DepthFrame, Grid, ImageError, Mask};
 
+use super::models::Understood;
 use super::object_maps::MapConfig;
 
 /// From this lead on only one of the two is gathered.
@@ -28,6 +29,8 @@ pub struct Evidence {
     n_undecided: u32,
     newest_ns: u64,
     is_full: bool,
+    /// How the models understand the phrase.
+    pub understood: Understood,
 }
 
 impl Evidence {
@@ -43,6 +46,7 @@ impl Evidence {
             n_undecided: 0,
             newest_ns: 0,
             is_full: false,
+            understood: Understood::Wholly,
         })
     }
 

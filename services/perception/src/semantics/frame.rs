@@ -1,6 +1,6 @@
 //! A frame as semantics keeps it: decoded, and where the base was when it was taken.
 
-use geometry::{CameraIntrinsics, Pose2};
+use geometry::{CameraIntrinsics, Pose2, Pose3};
 use proto::RgbdFrame;
 
 /// A colour image and its depth, with the base's pose at its own stamp.
@@ -20,6 +20,8 @@ pub struct Frame {
     pub odom_from_base: Pose2,
     /// Which run of the base's odometry that is.
     pub odometry_run: u32,
+    /// Where the camera was on the base, if not where the profile says: in a recording from the hand.
+    pub base_from_camera: Option<Pose3>,
 }
 
 impl Frame {
@@ -34,6 +36,7 @@ impl Frame {
             rgb: rgbd.rgb,
             odom_from_base,
             odometry_run,
+            base_from_camera: None,
         }
     }
 

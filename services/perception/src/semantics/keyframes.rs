@@ -97,6 +97,7 @@ mod tests {
             depth_mm: Vec::new(),
             odom_from_base: Pose2::new(x_m, 0.0, 0.0),
             odometry_run: 0,
+            base_from_camera: None,
         })
     }
 

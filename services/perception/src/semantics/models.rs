@@ -5,12 +5,24 @@
 
 use std::future::Future;
 use std::sync::Arc;
-use std::time::Duration;
 
-use proto::{HeatMaps, HeatMapsRequest, ModelImage, Segments, SegmentsRequest, topics};
-use service::Bus;
+use proto::{HeatMaps, Segments};
 
 use super::frame::Frame;
+
+pub mod configured;
+pub mod detector;
+pub mod folder;
+pub mod picture;
+pub mod remote;
+pub mod runtime;
+pub mod sentence;
+pub mod stuff;
+pub mod vocabulary;
+pub mod yolo;
+
+/// Labels of the data set that models of the YOLO family are usually trained on, one a line.
+pub const COCO: &str = include_str!("models/coco.txt");
 
 /// Where in this image might these things be?
 pub trait OpenVocabulary: Send + Sync + 'static {
@@ -46,6 +58,20 @@ pub struct Answer {
     pub heat_maps: HeatMaps,
     /// The segments.
     pub segments: Segments,
+    /// How each phrase was understood; empty when all were, as spoken.
+    pub understood: Vec<Understood>,
+}
+
+/// How far a model understands a phrase.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub enum Understood {
+    /// As it was spoken.
+    #[default]
+    Wholly,
+    /// Its map shows more than was said. In words.
+    InPart(String),
+    /// Not at all: that its map is empty says nothing. In words.
+    NotAtAll(String),
 }
 
 /// Both roles together.
@@ -55,47 +81,8 @@ pub trait Models: OpenVocabulary + Panoptic {
         async {
             let heat_maps = self.heat_maps(&ask.frame, &ask.phrases);
             let (heat_maps, segments) = tokio::try_join!(heat_maps, self.segments(&ask.frame))?;
-            Ok(Box::new(Answer { heat_maps, segments }))
+            Ok(Box::new(Answer { heat_maps, segments, understood: Vec::new() }))
         }
-    }
-}
-
-impl<T: OpenVocabulary + Panoptic> Models for T {}
-
-/// Models behind the bus: whoever answers there.
-pub struct RemoteModels {
-    bus: Bus,
-    patience: Duration,
-}
-
-impl RemoteModels {
-    /// Models that are given `patience` for an answer.
-    #[must_use]
-    pub fn new(bus: Bus, patience: Duration) -> Self {
-        RemoteModels { bus, patience }
-    }
-}
-
-fn image(frame: &Frame) -> ModelImage {
-    ModelImage {
-        seq: frame.seq,
-        stamp_ns: frame.stamp_ns,
-        width: frame.intrinsics.width,
-        height: frame.intrinsics.height,
-        rgb: frame.rgb.clone(),
-    }
-}
-
-impl OpenVocabulary for RemoteModels {
-    async fn heat_maps(&self, frame: &Frame, phrases: &[String]) -> anyhow::Result<HeatMaps> {
-        let request = HeatMapsRequest { image: image(frame), phrases: phrases.to_vec() };
-        self.bus.ask(&topics::HEAT_MAPS, &request, self.patience).await
-    }
-}
-
-impl Panoptic for RemoteModels {
-    async fn segments(&self, frame: &Frame) -> anyhow::Result<Segments> {
-        self.bus.ask(&topics::SEGMENTS, &SegmentsRequest { image: image(frame) }, self.patience).await
     }
 }
 
@@ -136,6 +123,12 @@ impl Answer {
         let values = values.ok_or_else(|| format!("no heat map {idx}"))?;
         let shares = values.iter().map(|byte| f32::from(*byte) / 255.0).collect();
         mapping::HeatMap::new(maps.width, maps.height, shares).map_err(|e| e.to_string())
+    }
+
+    /// How the `idx`-th phrase was understood.
+    #[must_use]
+    pub fn understood(&self, idx: usize) -> Understood {
+        self.understood.get(idx).cloned().unwrap_or_default()
     }
 
     /// The segments.

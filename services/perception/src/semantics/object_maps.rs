@@ -11,14 +11,14 @@ use mapping::floor_area::FloorConfig;
 use mapping::obstacle_layer::{ObstacleConfig, ObstacleLayer};
 use mapping::occupancy::{Closing, HeightBand};
 use mapping::tsdf::{Tsdf, TsdfConfig, TsdfConfigError};
-use mapping::{DepthFrame, DepthImage, Fusion, ImageError, Layout, fuse};
+use mapping::{DepthFrame, DepthImage, Fusion, ImageError, Layout, Segments, fuse};
 use nalgebra::Vector2;
 use proto::CellSet;
 use rules::Rule;
 
 use super::evidence::Evidence;
 use super::frame::Frame;
-use super::models::Answer;
+use super::models::{Answer, Understood};
 use super::regions::{Finding, phrases, region_of};
 use crate::wire::cell_set;
 
@@ -197,8 +197,9 @@ impl ObjectMaps {
         answer: &Answer,
     ) -> Result<(), String> {
         let frame = depth_frame(view, &self.base_from_camera).map_err(|e| e.to_string())?;
-        let segments = answer.segments()?;
+        let segments = segments_of(answer, &view.frame)?;
         for (idx, phrase) in asked {
+            let understood = answer.understood(idx);
             let found = fuse(&answer.heat_map(idx)?, &segments, self.config.fusion);
             let evidence = match self.evidence.entry(phrase.clone()) {
                 std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
@@ -206,6 +207,12 @@ impl ObjectMaps {
                     entry.insert(Evidence::new(&self.config).map_err(|e| e.to_string())?)
                 }
             };
+            if matches!(understood, Understood::NotAtAll(_)) {
+                // Not having found it says nothing.
+                evidence.understood = understood;
+                continue;
+            }
+            evidence.understood = understood;
             evidence
                 .observe(&frame, found.as_ref().map(|f| &f.mask), view.frame.stamp_ns)
                 .map_err(|e| e.to_string())?;
@@ -228,8 +235,19 @@ impl ObjectMaps {
     }
 }
 
+/// The segments of an answer, without what is seen through them.
+///
+/// # Errors
+/// In words, when they cannot be, or are of another size than the frame.
+pub fn segments_of(answer: &Answer, frame: &Frame) -> Result<Segments, String> {
+    let camera = &frame.intrinsics;
+    let depth = DepthImage::new(camera.width, camera.height, &frame.depth_mm).map_err(|e| e.to_string())?;
+    answer.segments()?.without_seen_through(&depth).map_err(|e| e.to_string())
+}
+
 fn depth_frame<'a>(view: &'a View, base_from_camera: &Pose3) -> Result<DepthFrame<'a>, ImageError> {
     let frame = &view.frame;
     let depth = DepthImage::new(frame.intrinsics.width, frame.intrinsics.height, &frame.depth_mm)?;
+    let base_from_camera = frame.base_from_camera.as_ref().unwrap_or(base_from_camera);
     DepthFrame::new(depth, frame.intrinsics, view.map_from_base.lifted(0.0) * base_from_camera)
 }

@@ -10,6 +10,7 @@ use proto::CellSet;
 use rules::Rule;
 
 use super::evidence::Evidence;
+use super::models::Understood;
 use super::object_maps::MapConfig;
 use crate::wire::cell_set;
 
@@ -87,7 +88,13 @@ pub fn region_of(
     let relation = relation_of(rule).ok_or_else(|| Missing::CannotTell("needs no object".to_owned()))?;
     let mut footprints = Vec::new();
     for (phrase, evidence) in phrases(rule).into_iter().zip(seen) {
+        if phrase.trim().is_empty() {
+            return Err(Missing::CannotTell("the rule names no object: its phrase is empty".to_owned()));
+        }
         let evidence = evidence.ok_or_else(|| Missing::NotSeen(format!("looking for {phrase:?}")))?;
+        if let Understood::NotAtAll(words) = &evidence.understood {
+            return Err(Missing::NotSeen(words.clone()));
+        }
         footprints.push(evidence.footprint(relation, band, config).map_err(|e| missing(phrase, &e))?);
     }
     let first = footprints.first().ok_or_else(|| Missing::CannotTell("nothing to look for".to_owned()))?;
@@ -96,9 +103,10 @@ pub fn region_of(
     let cells = region(relation, first, second, rule.map_from_anchor(), layout)
         .map_err(|e| Missing::CannotTell(e.to_string()))?;
     let n_objects = groups(first, config.closing.join_m).len();
-    let is_ambiguous = (n_objects > 1 && is_qualified(rule)) || !rule.except.is_empty();
-    let mut remarks = Vec::new();
-    if n_objects > 1 && is_qualified(rule) {
+    let mut remarks: Vec<String> = seen.iter().flatten().filter_map(|e| more_than_said(e)).collect();
+    let is_more = !remarks.is_empty();
+    let is_ambiguous = is_more || (n_objects > 1 && is_qualified(rule)) || !rule.except.is_empty();
+    if !is_more && n_objects > 1 && is_qualified(rule) {
         let (phrase, obj) = (rule.phrase(), &rule.obj);
         remarks.push(format!(
             "{n_objects} found for {phrase:?}, cannot tell which {obj} is meant: all are covered"
@@ -111,6 +119,14 @@ pub fn region_of(
         remarks.push("no space left to map all of it".to_owned());
     }
     Ok(Region { cells: cell_set(&cells), is_ambiguous, remark: remarks.join("; ") })
+}
+
+/// What the models cannot tell of a phrase, in words.
+fn more_than_said(evidence: &Evidence) -> Option<String> {
+    match &evidence.understood {
+        Understood::InPart(words) => Some(words.clone()),
+        Understood::Wholly | Understood::NotAtAll(_) => None,
+    }
 }
 
 fn missing(phrase: &str, error: &OccupancyError) -> Missing {

@@ -116,6 +116,7 @@ mod tests {
             depth_mm,
             odom_from_base,
             odometry_run: 0,
+            base_from_camera: None,
         })
     }
 

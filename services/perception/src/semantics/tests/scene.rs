@@ -143,5 +143,6 @@ pub(super) fn answer(scene: &[Object], ask: &Ask) -> Answer {
             n_segments: scene.len() as u16,
             labels_le: Segments::label_bytes(&labels),
         },
+        understood: Vec::new(),
     }
 }

@@ -1,0 +1,331 @@
+//! Many layers on one lattice become one grid of packed cells: their smallest margin, whoever's it is.
+//!
+//! The minimum of the corners, interpolated, is not the minimum of the layers: where two of them cross inside
+//! a cell it lies up to half a cell too low. Those cells (*ridges*) are marked and list the layers that can be
+//! smallest in them; everywhere else one layer is smallest at all corners, hence in all the cell, and is known
+//! by name. So the merged grid gives every margin exactly, in one look-up nearly always, however many layers
+//! there are. Done when maps change, not at every tick.
+
+use super::isa::{Isa, Work};
+use super::packed::{AXIS_MAX, BASE_MAX, DIAGONAL_MAX, packed};
+
+/// One layer of a merge: values at the lattice's points, row-major, and what is subtracted from them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MergeLayer<'a> {
+    /// Distances, metres.
+    pub values_m: &'a [f32],
+    /// What the distance must exceed, metres.
+    pub keep_m: f32,
+}
+
+/// Finest quantum, metres: finer would only shorten the range.
+const QUANTUM_M_MIN: f32 = 0.001;
+/// A margin is lowered by this before it is rounded down, metres: what rounding to f32 may have added.
+const SLACK_M: f32 = 2e-6;
+/// Crossing layers that differ by no more than this at every corner make no ridge, metres.
+const GAP_M: f32 = 0.0005;
+/// In `owners`, marks the number of a ridge.
+const RIDGE_OWNER: u32 = 1 << 31;
+
+/// The layers of a lattice, merged.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Merged {
+    /// Points of the lattice along x and y.
+    pub n_cols: usize,
+    /// See `n_cols`.
+    pub n_rows: usize,
+    /// Size of a quantum, metres.
+    pub quantum_m: f32,
+    /// The most that the margin changes over the length of a cell side, metres: its true Lipschitz constant.
+    pub slope_m: f32,
+    /// For each cell the layer that is smallest in it, or which ridge it is.
+    owners: Vec<u32>,
+    /// Where each ridge's layers begin in `ridge_layers`; one more than there are ridges.
+    ridge_starts: Vec<u32>,
+    ridge_layers: Vec<u16>,
+}
+
+impl Merged {
+    /// Merges layers of `n_cols × n_rows` points and writes each cell's word through `write`.
+    ///
+    /// At least two points a side, at least one layer, at most 65535; values finite.
+    pub(crate) fn of(
+        isa: Isa,
+        (n_cols, n_rows): (usize, usize),
+        layers: &[MergeLayer<'_>],
+        mut write: impl FnMut(usize, u32),
+    ) -> Merged {
+        debug_assert!(n_cols >= 2 && n_rows >= 2 && !layers.is_empty() && layers.len() <= 65_535);
+        let n = n_cols * n_rows;
+        let (mut least_m, mut owners) = (vec![f32::INFINITY; n], vec![0_u32; n]);
+        let mut row_least_m = vec![0.0_f32; layers.len() * n_rows];
+        isa.run(Smallest {
+            n_cols,
+            layers,
+            least_m: &mut least_m,
+            owners: &mut owners,
+            row_least_m: &mut row_least_m,
+        });
+        let mut merged = Merged { n_cols, n_rows, owners, ridge_starts: vec![0], ..Merged::default() };
+        let mut steepest = isa.run(Steepest { n_cols, least_m: &least_m });
+        let mut marked = Vec::new();
+        if layers.len() > 1 {
+            for row in 0..n_rows - 1 {
+                merged.find_ridges(row, layers, &row_least_m, &least_m, &mut steepest, &mut marked);
+            }
+        }
+        let [x_m, y_m, diagonal_m, deepest_m] = steepest;
+        merged.slope_m = x_m.hypot(y_m);
+        merged.quantum_m = (x_m.max(y_m) / AXIS_MAX)
+            .max(diagonal_m / DIAGONAL_MAX)
+            .max(deepest_m / (BASE_MAX - 2) as f32)
+            .max(QUANTUM_M_MIN);
+        let mut words = vec![0_u32; n_cols - 1];
+        for row in 0..n_rows - 1 {
+            let least_m = &least_m[row * n_cols..(row + 2) * n_cols];
+            isa.run(Pack { least_m, quantum_m: merged.quantum_m, words: &mut words });
+            for (col, word) in words.iter().enumerate() {
+                write(row * n_cols + col, *word);
+            }
+        }
+        for cell_idx in marked {
+            let least_m = corners(&least_m, n_cols, cell_idx);
+            let quanta = least_m.map(|m| ((m - SLACK_M) / merged.quantum_m).floor() as i32);
+            write(cell_idx, packed(quanta, true));
+        }
+        merged
+    }
+
+    /// No layers: what asks must not look cells up.
+    pub(crate) fn nothing() -> Merged {
+        Merged { quantum_m: 1.0, ..Merged::default() }
+    }
+
+    /// Names the layer of each cell of a row, and lists the layers of its ridges.
+    fn find_ridges(
+        &mut self,
+        row: usize,
+        layers: &[MergeLayer<'_>],
+        row_least_m: &[f32],
+        least_m: &[f32],
+        steepest: &mut [f32; 4],
+        marked: &mut Vec<usize>,
+    ) {
+        let n_cols = self.n_cols;
+        let row_start = row * n_cols;
+        let is_ridge = |owners: &[u32], cell_idx: usize| {
+            let [a, b, c, d] = [0, 1, n_cols, n_cols + 1].map(|at| owners[cell_idx + at]);
+            a != b || a != c || a != d
+        };
+        let ridges: Vec<usize> = (row_start..row_start + n_cols - 1)
+            .filter(|cell_idx| is_ridge(&self.owners, *cell_idx))
+            .collect();
+        let first_corners = |cell_idx: usize| {
+            let owner = layers[self.owners[cell_idx] as usize];
+            corners(owner.values_m, n_cols, cell_idx).map(|v| v - owner.keep_m)
+        };
+        let highest_m = ridges.iter().flat_map(|idx| first_corners(*idx)).fold(f32::NEG_INFINITY, f32::max);
+        // Layers that are larger all along the row than any ridge's first layer matter to none of them.
+        let matter: Vec<usize> = (0..layers.len())
+            .filter(|idx| {
+                row_least_m[idx * self.n_rows + row].min(row_least_m[idx * self.n_rows + row + 1]) < highest_m
+            })
+            .collect();
+        for cell_idx in ridges {
+            let owner = self.owners[cell_idx] as usize;
+            let first = first_corners_of(layers[owner], n_cols, cell_idx);
+            let least = corners(least_m, n_cols, cell_idx);
+            let mut gap_m = widest(&first, &least);
+            self.ridge_layers.push(owner as u16);
+            note_slope(&first, steepest);
+            for idx in &matter {
+                let here = first_corners_of(layers[*idx], n_cols, cell_idx);
+                if *idx == owner || (0..4).all(|k| here[k] >= first[k]) {
+                    continue;
+                }
+                gap_m = gap_m.min(widest(&here, &least));
+                note_slope(&here, steepest);
+                self.ridge_layers.push(*idx as u16);
+            }
+            self.owners[cell_idx] = RIDGE_OWNER | (self.ridge_starts.len() - 1) as u32;
+            self.ridge_starts.push(self.ridge_layers.len() as u32);
+            if gap_m > GAP_M {
+                marked.push(cell_idx);
+            }
+        }
+    }
+
+    /// By how much the packed value may lie below the true margin, metres; `word` values near the top of the
+    /// range are bounds only (see [`Merged::ceiling_m`]).
+    pub(crate) fn error_m(&self) -> f32 {
+        self.quantum_m + GAP_M + 2.0 * SLACK_M
+    }
+
+    /// Margins above this are not told apart, metres.
+    pub(crate) fn ceiling_m(&self) -> f32 {
+        self.quantum_m * (BASE_MAX - 70) as f32
+    }
+
+    /// The layers that can be smallest in a cell.
+    #[inline]
+    pub(crate) fn layers_of(&self, cell_idx: usize) -> impl Iterator<Item = usize> + '_ {
+        let owner = self.owners[cell_idx];
+        let (single, several) = if owner & RIDGE_OWNER == 0 {
+            (Some(owner as usize), &[][..])
+        } else {
+            let ridge = (owner ^ RIDGE_OWNER) as usize;
+            let (from, to) = (self.ridge_starts[ridge] as usize, self.ridge_starts[ridge + 1] as usize);
+            (None, &self.ridge_layers[from..to])
+        };
+        single.into_iter().chain(several.iter().map(|idx| usize::from(*idx)))
+    }
+
+    /// The exact margin in a cell, metres, and the layer that it is to.
+    #[inline]
+    pub(crate) fn exact_m(
+        &self,
+        layers: &[MergeLayer<'_>],
+        cell_idx: usize,
+        (x, y): (f64, f64),
+    ) -> (f64, usize) {
+        let mut least = (f64::INFINITY, 0);
+        for idx in self.layers_of(cell_idx) {
+            let layer = layers[idx];
+            let [a, b, c, d] = corners(layer.values_m, self.n_cols, cell_idx).map(f64::from);
+            let value =
+                (1.0 - y) * ((1.0 - x) * a + x * b) + y * ((1.0 - x) * c + x * d) - f64::from(layer.keep_m);
+            if value < least.0 {
+                least = (value, idx);
+            }
+        }
+        least
+    }
+}
+
+#[inline(always)]
+fn corners(values: &[f32], n_cols: usize, cell_idx: usize) -> [f32; 4] {
+    [values[cell_idx], values[cell_idx + 1], values[cell_idx + n_cols], values[cell_idx + n_cols + 1]]
+}
+
+fn first_corners_of(layer: MergeLayer<'_>, n_cols: usize, cell_idx: usize) -> [f32; 4] {
+    corners(layer.values_m, n_cols, cell_idx).map(|v| v - layer.keep_m)
+}
+
+fn widest(of: &[f32; 4], above: &[f32; 4]) -> f32 {
+    (0..4).map(|k| of[k] - above[k]).fold(0.0, f32::max)
+}
+
+fn note_slope([a, b, c, d]: &[f32; 4], steepest: &mut [f32; 4]) {
+    steepest[0] = steepest[0].max((b - a).abs()).max((d - c).abs());
+    steepest[1] = steepest[1].max((c - a).abs()).max((d - b).abs());
+}
+
+/// The smallest margin at each point, whose it is, and each layer's smallest margin in each row.
+struct Smallest<'a> {
+    n_cols: usize,
+    layers: &'a [MergeLayer<'a>],
+    least_m: &'a mut [f32],
+    owners: &'a mut [u32],
+    row_least_m: &'a mut [f32],
+}
+
+impl Work for Smallest<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Smallest { n_cols, layers, least_m, owners, row_least_m } = self;
+        let n_rows = least_m.len() / n_cols;
+        for row in 0..n_rows {
+            let range = row * n_cols..(row + 1) * n_cols;
+            let (least_m, owners) = (&mut least_m[range.clone()], &mut owners[range.clone()]);
+            for (layer_idx, layer) in layers.iter().enumerate() {
+                let values_m = &layer.values_m[range.clone()];
+                row_least_m[layer_idx * n_rows + row] =
+                    smallest_row(layer_idx as u32, values_m, layer.keep_m, least_m, owners);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn smallest_row(
+    layer_idx: u32,
+    values_m: &[f32],
+    keep_m: f32,
+    least_m: &mut [f32],
+    owners: &mut [u32],
+) -> f32 {
+    let n = values_m.len().min(least_m.len()).min(owners.len());
+    let (values_m, least_m, owners) = (&values_m[..n], &mut least_m[..n], &mut owners[..n]);
+    // Order of floats as order of integers, which the compiler may reduce in any order.
+    let mut smallest = i32::MAX;
+    for col in 0..n {
+        let margin_m = values_m[col] - keep_m;
+        let is_less = margin_m < least_m[col];
+        least_m[col] = if is_less { margin_m } else { least_m[col] };
+        owners[col] = if is_less { layer_idx } else { owners[col] };
+        let bits = margin_m.to_bits() as i32;
+        let ordered = bits ^ ((bits >> 31) & 0x7FFF_FFFF);
+        smallest = if ordered < smallest { ordered } else { smallest };
+    }
+    f32::from_bits((smallest ^ ((smallest >> 31) & 0x7FFF_FFFF)) as u32)
+}
+
+/// The largest differences along x, along y and across, and how far below zero the margins go, metres.
+struct Steepest<'a> {
+    n_cols: usize,
+    least_m: &'a [f32],
+}
+
+impl Work for Steepest<'_> {
+    type Output = [f32; 4];
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> [f32; 4] {
+        let Steepest { n_cols, least_m } = self;
+        let mut largest = [0_i32; 4];
+        for row in 0..least_m.len() / n_cols - 1 {
+            let (lower, upper) = least_m[row * n_cols..(row + 2) * n_cols].split_at(n_cols);
+            let n = n_cols - 1;
+            let (a, b, c, d) = (&lower[..n], &lower[1..][..n], &upper[..n], &upper[1..][..n]);
+            for col in 0..n {
+                // Of numbers that are not negative the bits are in order.
+                let x = (b[col] - a[col]).abs().to_bits() as i32;
+                let last_x = (d[col] - c[col]).abs().to_bits() as i32;
+                let y = (c[col] - a[col]).abs().to_bits() as i32;
+                let last_y = (d[col] - b[col]).abs().to_bits() as i32;
+                let across = (d[col] - a[col]).abs().to_bits() as i32;
+                let depth = if a[col] < 0.0 { -a[col] } else { 0.0 }.to_bits() as i32;
+                largest[0] = largest[0].max(x).max(last_x);
+                largest[1] = largest[1].max(y).max(last_y);
+                largest[2] = largest[2].max(across);
+                largest[3] = largest[3].max(depth);
+            }
+        }
+        // The last row and column are corners of cells too: a step deeper covers them.
+        let [x, y, across, depth] = largest.map(|bits| f32::from_bits(bits as u32));
+        [x, y, across, depth + across.max(x).max(y)]
+    }
+}
+
+/// The words of a row of cells from the margins of its two rows of points.
+struct Pack<'a> {
+    least_m: &'a [f32],
+    quantum_m: f32,
+    words: &'a mut [u32],
+}
+
+impl Work for Pack<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Pack { least_m, quantum_m, words } = self;
+        let (lower, upper) = least_m.split_at(least_m.len() / 2);
+        let n = words.len().min(lower.len() - 1).min(upper.len() - 1);
+        let (a, b, c, d) = (&lower[..n], &lower[1..][..n], &upper[..n], &upper[1..][..n]);
+        let words = &mut words[..n];
+        let quanta = |margin_m: f32| ((margin_m - SLACK_M) / quantum_m).floor() as i32;
+        for col in 0..n {
+            words[col] = packed([quanta(a[col]), quanta(b[col]), quanta(c[col]), quanta(d[col])], false);
+        }
+    }
+}

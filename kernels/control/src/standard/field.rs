@@ -1,0 +1,85 @@
+//! The fields of a standard problem, merged and packed: what must be kept clear of, and the slow zone.
+
+use super::{BUFFER_M, CELL_M, RADIUS_M, SLOW_BUFFER_M, SLOW_LAYER, SLOW_SPEED_M_S, Scene};
+use crate::fast::Isa;
+use crate::fast::merge::{MergeLayer, Merged};
+use crate::fast::packed::packed;
+
+/// The merged fields; each cell's two words lie side by side, so that one load brings both.
+#[derive(Debug)]
+pub(crate) struct Field<'s> {
+    pub n_side: usize,
+    /// For each cell the margin to what must be kept clear of, and to the slow zone.
+    pub words: Vec<[u32; 2]>,
+    clear_layers: Vec<MergeLayer<'s>>,
+    slow_layers: Vec<MergeLayer<'s>>,
+    pub clear: Merged,
+    pub slow: Merged,
+}
+
+impl<'s> Field<'s> {
+    /// Merges the layers of a scene.
+    pub(crate) fn of(isa: Isa, scene: &'s Scene) -> Field<'s> {
+        let n_side = scene.n_side;
+        let (mut clear_layers, mut slow_layers) = (Vec::new(), Vec::new());
+        for (idx, values_m) in scene.layers_m.iter().enumerate() {
+            match idx {
+                0 => clear_layers.push(MergeLayer { values_m, keep_m: RADIUS_M as f32 }),
+                SLOW_LAYER => slow_layers.push(MergeLayer { values_m, keep_m: SLOW_BUFFER_M as f32 }),
+                _ => clear_layers.push(MergeLayer { values_m, keep_m: BUFFER_M as f32 }),
+            }
+        }
+        let mut words = vec![[0, 0]; n_side * n_side];
+        let clear = Merged::of(isa, (n_side, n_side), &clear_layers, |idx, word| words[idx][0] = word);
+        let slow = if slow_layers.is_empty() {
+            // Without a slow zone everywhere is far from it.
+            let far = packed([crate::fast::packed::BASE_MAX; 4], false);
+            words.iter_mut().for_each(|word| word[1] = far);
+            Merged::nothing()
+        } else {
+            Merged::of(isa, (n_side, n_side), &slow_layers, |idx, word| words[idx][1] = word)
+        };
+        Field { n_side, words, clear_layers, slow_layers, clear, slow }
+    }
+
+    /// The exact margin to what must be kept clear of, at a place in a cell, metres.
+    #[inline]
+    pub(crate) fn clear_m(&self, cell_idx: usize, place: (f64, f64)) -> f64 {
+        self.clear.exact_m(&self.clear_layers, cell_idx, place).0
+    }
+
+    /// The exact margin to the slow zone, metres.
+    #[inline]
+    pub(crate) fn slow_m(&self, cell_idx: usize, place: (f64, f64)) -> f64 {
+        if self.slow_layers.is_empty() {
+            return f64::INFINITY;
+        }
+        self.slow.exact_m(&self.slow_layers, cell_idx, place).0
+    }
+
+    /// The cell of a place and where in it.
+    #[inline]
+    pub(crate) fn cell(&self, x_m: f64, y_m: f64) -> (usize, (f64, f64)) {
+        let last = self.n_side as f64 - 1.001;
+        let (x, y) = ((x_m / CELL_M).clamp(0.0, last), (y_m / CELL_M).clamp(0.0, last));
+        let (col, row) = (x as usize, y as usize);
+        (row * self.n_side + col, (x - col as f64, y - row as f64))
+    }
+
+    /// The exact spatial margin at a place and speed, metres.
+    pub(crate) fn margin_m(&self, x_m: f64, y_m: f64, speed_m_s: f64) -> f64 {
+        let (cell_idx, place) = self.cell(x_m, y_m);
+        self.clear_m(cell_idx, place).min(self.slow_m(cell_idx, place).max(SLOW_SPEED_M_S - speed_m_s))
+    }
+
+    /// By how much packed margins may lie below the exact ones, metres.
+    pub(crate) fn error_m(&self) -> f32 {
+        let slow_m = if self.slow_layers.is_empty() { 0.0 } else { self.slow.error_m() };
+        self.clear.error_m().max(slow_m)
+    }
+
+    /// The most that either margin changes over the length of a cell side, metres.
+    pub(crate) fn slope_m(&self) -> f32 {
+        self.clear.slope_m.max(self.slow.slope_m)
+    }
+}
