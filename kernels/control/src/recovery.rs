@@ -10,6 +10,7 @@ use crate::exit::ExitMap;
 use crate::manoeuvres::{TurnAndDrive, headings};
 use crate::plan::{Plan, Sample};
 use crate::scene::{Assumptions, Scene};
+use crate::score::FIELD_SLOPE;
 
 /// Weights of the ranking, in falling importance: an order of a thousand keeps the classes apart.
 const OBSTACLE_WEIGHT: f64 = 1e6;
@@ -202,7 +203,13 @@ impl<'a, 'w> Judge<'a, 'w> {
     /// Adds what the place of one sample does wrong; `counts_s` is the time it counts for.
     fn add_spatial(&self, wrongs: &mut Wrongs, to: &Sample, lost_m: f64, counts_s: f64) {
         let position_m = self.scene.assumptions.disturbance.position_m;
+        let fallen_m = FIELD_SLOPE * to.path_m + self.scene.assumptions.closing_speed_m_s * to.moving_s;
         for layer in &self.scene.spatial {
+            let is_far = layer.start_m - fallen_m > lost_m.max(0.0);
+            if is_far && !layer.soft && !layer.is_too_near(&self.scene.assumptions) {
+                // Farther than anything lost: it adds nothing.
+                continue;
+            }
             let margin_m = layer.margin_m(to.state.position(), to.moving_s);
             if layer.soft {
                 wrongs.depth_m_s += (position_m - margin_m).max(0.0) * counts_s;

@@ -13,7 +13,7 @@ use crate::noise::Noise;
 use crate::scene::{Assumptions, Scene, Shape};
 
 /// Fields interpolated bilinearly change by at most this much a metre.
-const FIELD_SLOPE: f64 = std::f64::consts::SQRT_2;
+pub(crate) const FIELD_SLOPE: f64 = std::f64::consts::SQRT_2;
 
 /// How the score is searched.
 #[derive(Clone, Copy, Debug)]

@@ -155,15 +155,10 @@ impl Merged {
         }
     }
 
-    /// By how much the packed value may lie below the true margin, metres; `word` values near the top of the
-    /// range are bounds only (see [`Merged::ceiling_m`]).
+    /// By how much the packed value may lie below the true margin, metres, up to the top of the
+    /// range: a margin above it is known to be above it, and no more.
     pub(crate) fn error_m(&self) -> f32 {
         self.quantum_m + GAP_M + 2.0 * SLACK_M
-    }
-
-    /// Margins above this are not told apart, metres.
-    pub(crate) fn ceiling_m(&self) -> f32 {
-        self.quantum_m * (BASE_MAX - 70) as f32
     }
 
     /// The layers that can be smallest in a cell.

@@ -16,7 +16,7 @@ pub(crate) fn kept(
     field: &Field<'_>,
     start: Pose,
     cap: f64,
-    controls: &[[f64; 2]],
+    controls: impl Iterator<Item = [f64; 2]>,
     floor: f64,
 ) -> Option<f64> {
     let [mut x, mut y, yaw, mut v] = start;
@@ -24,7 +24,7 @@ pub(crate) fn kept(
     let slope = f64::from(field.slope_m()) / CELL_M;
     let mut kept = cap;
     let (mut clear, mut slow) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
-    for &[rate, accel] in controls {
+    for [rate, accel] in controls {
         x += v * cos * STEP_S;
         y += v * sin * STEP_S;
         let fallen = slope * v * STEP_S + 1e-9;

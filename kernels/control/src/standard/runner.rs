@@ -195,9 +195,10 @@ impl<'s> StandardFilter<'s> {
 
     /// Makes a sample the incumbent.
     fn hold(&mut self, round: usize, lane: usize) {
-        let Scratch { incumbent, found, .. } = &mut self.scratch;
-        perturbed(incumbent, &self.noise[round], lane, found);
-        std::mem::swap(incumbent, found);
+        let noise = &self.noise[round];
+        for (step, control) in self.scratch.incumbent.iter_mut().enumerate() {
+            *control = perturbed(*control, noise, step, lane);
+        }
     }
 
     /// The score of a state, exactly; or, once it is known to be at least `enough`, some value from there on.
@@ -205,7 +206,8 @@ impl<'s> StandardFilter<'s> {
         let cap = self.most(start);
         self.scratch.incumbent.fill([0.0, -ACCEL_M_S2_MAX]);
         let (floor, stop) = (f64::NEG_INFINITY, cap.min(enough));
-        let mut best = kept(&self.field, start, cap, &self.scratch.incumbent, floor).unwrap_or(floor);
+        let mut best =
+            kept(&self.field, start, cap, self.scratch.incumbent.iter().copied(), floor).unwrap_or(floor);
         for round in 0..self.sampling.n_rounds {
             // No sample keeps more than the margin at the start.
             if best >= stop {
@@ -298,11 +300,15 @@ impl<'s> StandardFilter<'s> {
         let error = f64::from(self.error_m);
         let mut best_lane = None;
         let mut consider = |lane: usize, best: &mut f64| {
-            perturbed(incumbent, &self.noise[round], lane, trial);
             // Of equal values the first sample's counts, as in the oracle.
             let is_before = best_lane.is_some_and(|best_lane| lane < best_lane);
             let floor = if is_before { *best } else { best.next_up() };
-            if let Some(value) = kept(&self.field, start, cap, trial, floor) {
+            let noise = &self.noise[round];
+            let controls = trial.iter_mut().enumerate().map(|(step, to)| {
+                *to = perturbed(incumbent[step], noise, step, lane);
+                *to
+            });
+            if let Some(value) = kept(&self.field, start, cap, controls, floor) {
                 (*best, best_lane) = (value, Some(lane));
                 std::mem::swap(found, trial);
             }
@@ -325,15 +331,10 @@ impl<'s> StandardFilter<'s> {
     }
 }
 
-/// The controls of one sample, in f64.
-fn perturbed(incumbent: &Controls, noise: &Lanes, lane: usize, trial: &mut Controls) {
-    for (step, (to, [rate, accel])) in trial.iter_mut().zip(incumbent).enumerate() {
-        let at = step * noise.n_lanes + lane;
-        let rate = rate + f64::from(noise.turn_rad[at]) / STEP_S;
-        let accel = accel + f64::from(noise.gain_m_s[at]) / STEP_S;
-        *to = [
-            rate.clamp(-YAW_RATE_RAD_S_MAX, YAW_RATE_RAD_S_MAX),
-            accel.clamp(-ACCEL_M_S2_MAX, ACCEL_M_S2_MAX),
-        ];
-    }
+/// The control of one sample at a step, in f64.
+fn perturbed([rate, accel]: [f64; 2], noise: &Lanes, step: usize, lane: usize) -> [f64; 2] {
+    let at = step * noise.n_lanes + lane;
+    let rate = rate + f64::from(noise.turn_rad[at]) / STEP_S;
+    let accel = accel + f64::from(noise.gain_m_s[at]) / STEP_S;
+    [rate.clamp(-YAW_RATE_RAD_S_MAX, YAW_RATE_RAD_S_MAX), accel.clamp(-ACCEL_M_S2_MAX, ACCEL_M_S2_MAX)]
 }

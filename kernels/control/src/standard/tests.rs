@@ -96,3 +96,11 @@ fn full_and_shipped_score_and_choose_as_the_oracle_does() {
         }
     }
 }
+
+#[test]
+fn every_instruction_set_decides_the_same() {
+    for isa in Isa::available() {
+        agrees(17, 4, 20, isa);
+        agrees(18, 8, 40, isa);
+    }
+}

@@ -1,0 +1,78 @@
+//! A step of the fast path allocates nothing once it has run: time spent in the allocator has no bound.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail loudly")]
+#![allow(unsafe_code, reason = "an allocator that counts is an allocator")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use control::Isa;
+use control::standard::{Sampling, Scene, StandardFilter};
+
+struct Counting;
+
+thread_local! {
+    static N_ALLOCATED: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: every call is the system allocator's, with the arguments as they came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        N_ALLOCATED.with(|n| n.set(n.get() + 1));
+        // SAFETY: the caller keeps the contract of `GlobalAlloc`.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn n_allocated(work: impl FnOnce()) -> u64 {
+    let before = N_ALLOCATED.with(Cell::get);
+    work();
+    N_ALLOCATED.with(Cell::get) - before
+}
+
+/// A box in a square room, an exclusion and a slow zone.
+fn scene() -> Scene {
+    let to_box = |x: f64, y: f64, [bx, by, half]: [f64; 3]| {
+        (((x - bx).abs() - half).max((y - by).abs() - half)) as f32
+    };
+    let place = |idx: usize| ((idx % 100) as f64 * 0.05, (idx / 100) as f64 * 0.05);
+    let layer = |of: [f64; 3]| (0..10_000).map(|idx| to_box(place(idx).0, place(idx).1, of)).collect();
+    let layers_m =
+        vec![layer([2.5, 2.5, 0.4]), layer([1.0, 1.0, 0.2]), layer([4.0, 1.0, 0.2]), layer([1.0, 4.0, 0.3])];
+    let states = (0..16).map(|k| {
+        let turn = f64::from(k) * 0.4;
+        [2.5 + 1.2 * turn.cos(), 2.5 + 1.2 * turn.sin(), turn + 3.0, 0.6, 0.2, 1.0]
+    });
+    let primitives = (0..25).map(|k| [f64::from(k % 5 - 2) / 2.0, f64::from(k / 5 - 2) * 1.5]);
+    Scene { n_side: 100, layers_m, states: states.collect(), primitives: primitives.collect() }
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(n_allocated(|| drop(std::hint::black_box(vec![1_u8; 10]))), 1);
+}
+
+#[test]
+fn full_and_shipped_steps_allocate_nothing() {
+    let scene = scene();
+    let sampling = Sampling { n_samples: 50, n_rounds: 2, n_steps: 20, seed: 5 };
+    for isa in Isa::available() {
+        let mut filter = StandardFilter::new(isa, &scene, sampling);
+        let mut v_m = 0.0;
+        let found = n_allocated(|| {
+            for (tick, state) in scene.states.iter().enumerate() {
+                filter.begin(tick as u64);
+                v_m += filter.shipped(*state).v_m + filter.full(*state).v_m;
+            }
+        });
+        assert_eq!(found, 0, "{isa:?}");
+        assert!(v_m.is_finite());
+    }
+}
