@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use service::life::{EXIT_FAILED, EXIT_OK, EXIT_USAGE};
 
-use crate::{carry, demo, parse, rules_list, say, watch};
+use crate::{audit, bench, carry, demo, parse, rules_list, say, watch};
 
 /// Tell a robot in plain words what to heed, and see that it does.
 #[derive(Parser, Debug)]
@@ -28,6 +28,11 @@ enum Command {
     Watch(watch::Arguments),
     /// Parse sentences without a robot: JSON lines in, JSON lines out.
     Parse(parse::Arguments),
+    /// Show the audit log, and whether it still holds.
+    Audit(audit::Arguments),
+    /// Measure a whole system.
+    #[command(subcommand)]
+    Bench(bench::Command),
     /// Run one service in this process.
     Service(carry::Arguments),
 }
@@ -49,6 +54,8 @@ pub fn run() -> ExitCode {
         Command::Rules(arguments) => in_runtime(rules_list::run(arguments)),
         Command::Watch(arguments) => in_runtime(watch::run(arguments)),
         Command::Parse(arguments) => told(parse::run(&arguments)),
+        Command::Audit(arguments) => told(audit::run(&arguments)),
+        Command::Bench(command) => in_runtime(bench::run(command)),
         // It starts a runtime of its own.
         Command::Service(arguments) => carry::run(&arguments),
     }

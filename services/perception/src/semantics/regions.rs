@@ -11,6 +11,7 @@ use rules::Rule;
 
 use super::evidence::Evidence;
 use super::object_maps::MapConfig;
+use super::places::Places;
 use crate::wire::cell_set;
 
 /// The region of one rule, for now.
@@ -74,19 +75,27 @@ fn relation_of(rule: &Rule) -> Option<Relation> {
     })
 }
 
-/// The region of a rule, from what was seen of each of its phrases, in order.
+/// The region of a rule, from what was seen of each of its phrases, in order, or from the place it names.
 ///
 /// # Errors
 /// [`Missing`] says why there is none.
 pub fn region_of(
     rule: &Rule,
     seen: &[Option<&Evidence>],
+    places: Option<&Places>,
     band: HeightBand,
     config: &MapConfig,
 ) -> Result<Region, Missing> {
     let relation = relation_of(rule).ok_or_else(|| Missing::CannotTell("needs no object".to_owned()))?;
     let mut footprints = Vec::new();
+    let (mut n_places, mut excepts_honoured) = (0, false);
     for (phrase, evidence) in phrases(rule).into_iter().zip(seen) {
+        if let Some(found) = places.and_then(|places| places.find(rule, phrase)) {
+            n_places += 1;
+            excepts_honoured |= found.excepts_honoured;
+            footprints.push(found.footprint);
+            continue;
+        }
         let evidence = evidence.ok_or_else(|| Missing::NotSeen(format!("looking for {phrase:?}")))?;
         footprints.push(evidence.footprint(relation, band, config).map_err(|e| missing(phrase, &e))?);
     }
@@ -96,15 +105,17 @@ pub fn region_of(
     let cells = region(relation, first, second, rule.map_from_anchor(), layout)
         .map_err(|e| Missing::CannotTell(e.to_string()))?;
     let n_objects = groups(first, config.closing.join_m).len();
-    let is_ambiguous = (n_objects > 1 && is_qualified(rule)) || !rule.except.is_empty();
+    let is_which_unclear = n_places == 0 && n_objects > 1 && is_qualified(rule);
+    let is_except_unclear = !rule.except.is_empty() && !excepts_honoured;
+    let is_ambiguous = is_which_unclear || is_except_unclear;
     let mut remarks = Vec::new();
-    if n_objects > 1 && is_qualified(rule) {
+    if is_which_unclear {
         let (phrase, obj) = (rule.phrase(), &rule.obj);
         remarks.push(format!(
             "{n_objects} found for {phrase:?}, cannot tell which {obj} is meant: all are covered"
         ));
     }
-    if !rule.except.is_empty() {
+    if is_except_unclear {
         remarks.push(format!("cannot tell {:?} from the others: all are covered", rule.except.join(", ")));
     }
     if seen.iter().flatten().any(|evidence| evidence.is_full()) {
