@@ -147,6 +147,7 @@ pub fn has_strong_order(draft: &Draft) -> bool {
             Sense::Careful,
             Sense::Quiet,
             Sense::Slow,
+            Sense::Slower,
             Sense::Crawl,
             Sense::TurnSlow,
             Sense::Revoke,

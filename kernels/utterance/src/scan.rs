@@ -470,6 +470,12 @@ fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<&Item>) -> 
     let held = draft.has(Sense::Hold);
     let text = item.text.as_str();
     match text {
+        // "take the trash out", "put the cat outside": part of the task.
+        "out" | "outside" | "off" | "away" | "back"
+            if draft.senses.first() == Some(&Sense::Task) && draft.n_neg == 0 =>
+        {
+            return None;
+        }
         "clear" | "back" if held => return Some(Sense::Away),
         "off" | "off of" if !draft.quantities.is_empty() && draft.quantity(Kind::Distance).is_some() => {
             return Some(Sense::From);

@@ -60,7 +60,7 @@ fn speakers_of_many_kinds_are_understood_or_asked() {
     }
     let share = failed.len() as f64 / cases.len() as f64;
     assert!(share <= 0.03, "{} of {}:\n{}", failed.len(), cases.len(), failed.join("\n"));
-    assert!(n_harmful * 200 <= cases.len(), "{n_harmful} harmful:\n{}", failed.join("\n"));
+    assert!(n_harmful * 100 <= cases.len(), "{n_harmful} harmful:\n{}", failed.join("\n"));
 }
 
 #[test]

@@ -1,24 +1,15 @@
-//! `heedway bench`: times the parts that a robot's computer waits for.
-
-use std::process::ExitCode;
+//! `heedway bench`: times the parts that a robot's computer waits for. It prints figures and judges none.
 
 use clap::Subcommand;
 
 pub mod filter;
+pub mod instruction;
 
 /// What is timed.
 #[derive(Subcommand, Debug)]
 pub enum Bench {
     /// The filter on the standard problem, from raw files.
     Filter(filter::Arguments),
-}
-
-/// Times it.
-///
-/// # Errors
-/// When files are missing or are not what they should be.
-pub fn run(bench: &Bench) -> anyhow::Result<ExitCode> {
-    match bench {
-        Bench::Filter(arguments) => filter::run(arguments),
-    }
+    /// From an instruction to the filter's acknowledgement of the rule, with all services running.
+    Instruction(instruction::Arguments),
 }

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use service::life::{EXIT_FAILED, EXIT_OK, EXIT_USAGE};
 
-use crate::{bench, carry, demo, ground, parse, rules_list, say, slam, watch};
+use crate::bench::{self, Bench};
+use crate::{audit, carry, demo, ground, parse, rules_list, say, slam, watch};
 
 /// Tell a robot in plain words what to heed, and see that it does.
 #[derive(Parser, Debug)]
@@ -32,9 +33,11 @@ enum Command {
     Slam(slam::Arguments),
     /// Time the parts that a robot's computer waits for.
     #[command(subcommand)]
-    Bench(bench::Bench),
+    Bench(Bench),
     /// Find what rules speak of in recorded RGB-D, without a robot: overlays, maps, a summary.
     Ground(ground::Arguments),
+    /// Show the audit log, and whether it still holds.
+    Audit(audit::Arguments),
     /// Run one service in this process.
     Service(carry::Arguments),
 }
@@ -57,10 +60,18 @@ pub fn run() -> ExitCode {
         Command::Watch(arguments) => in_runtime(watch::run(arguments)),
         Command::Parse(arguments) => told(parse::run(&arguments)),
         Command::Slam(arguments) => told(slam::run(&arguments)),
-        Command::Bench(what) => told(bench::run(&what)),
+        Command::Bench(what) => timed(what),
         Command::Ground(arguments) => told(ground::run(&arguments)),
+        Command::Audit(arguments) => told(audit::run(&arguments)),
         // It starts a runtime of its own.
         Command::Service(arguments) => carry::run(&arguments),
+    }
+}
+
+fn timed(what: Bench) -> ExitCode {
+    match what {
+        Bench::Filter(arguments) => told(bench::filter::run(&arguments)),
+        Bench::Instruction(arguments) => in_runtime(bench::instruction::run(arguments)),
     }
 }
 

@@ -4,6 +4,7 @@
 //! whole system, and [`fleet`] starts that system as separate processes. Deliberately not here: anything
 //! that decides how a robot moves or what a rule means; only public topics are used.
 
+pub mod audit;
 pub mod bench;
 pub mod board;
 pub mod carry;

@@ -1,11 +1,15 @@
 //! `heedway parse`: sentences without a robot, JSON lines in and out, for evaluation.
 
 use std::io::{BufRead, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use geometry::Profile;
+use heedway_language::LanguageSettings;
+use heedway_language::admission::clarify;
+use heedway_language::llm::{LlmParser, LlmSettings};
 use rules::{Outcome, Reply, Rule};
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +25,10 @@ pub struct Arguments {
     /// Who parses.
     #[arg(long, value_enum, default_value_t = ParserName::Offline)]
     parser: ParserName,
+    /// Where the language model is told: a language service's configuration. Without it the environment
+    /// tells: HEEDWAY_LLM_BASE_URL, HEEDWAY_LLM_MODEL and, where one is needed, HEEDWAY_LLM_KEY.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
 }
 
 /// A profile that is built in.
@@ -35,8 +43,10 @@ enum ProfileName {
 enum ParserName {
     /// The grammar that is built in.
     Offline,
-    /// A language model.
+    /// A language model; a question when it gives no answer.
     Llm,
+    /// A language model; the grammar when it gives no answer.
+    LlmThenOffline,
 }
 
 /// One line in.
@@ -83,20 +93,43 @@ struct Parsed {
 /// Reads sentences from standard input until its end and writes what they mean.
 ///
 /// # Errors
-/// When a line cannot be read; lines before it are answered.
+/// When a line cannot be read, or no language model is told of; lines before it are answered.
 pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    if arguments.parser == ParserName::Llm {
-        bail!(
-            "--parser llm needs the configuration of a language model, which this command does not take yet"
-        );
-    }
     let profile = match arguments.profile {
         ProfileName::Sim => Profile::sim(),
         ProfileName::Turtlebot2 => Profile::turtlebot2(),
     };
-    let parser = |context: &[Rule], words: &str| utterance::parse(context, &profile, words);
-    parse_lines(std::io::stdin().lock(), &mut std::io::stdout().lock(), parser)?;
+    let (lines, mut out) = (std::io::stdin().lock(), std::io::stdout().lock());
+    let offline = |context: &[Rule], words: &str| utterance::parse(context, &profile, words);
+    if arguments.parser == ParserName::Offline {
+        parse_lines(lines, &mut out, offline)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let model = model(arguments.config.as_deref(), &profile)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let falls_back = arguments.parser == ParserName::LlmThenOffline;
+    let parser = |context: &[Rule], words: &str| match runtime.block_on(model.read_one(words, context)).reply
+    {
+        Ok(reply) => reply,
+        Err(_) if falls_back => offline(context, words),
+        Err(reason) => {
+            clarify(&format!("The language model gave no answer: {reason}. Please say it again."), vec![])
+        }
+    };
+    parse_lines(lines, &mut out, parser)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The language model that the configuration names, or else the environment.
+fn model(config: Option<&Path>, profile: &Profile) -> anyhow::Result<LlmParser> {
+    let Some(file) = config else {
+        let settings = LlmSettings::from_environment()?;
+        return LlmParser::new(&settings, Path::new("."), profile.clone());
+    };
+    let loaded = service::config::load::<LanguageSettings>(file)?;
+    let settings = loaded.settings.llm;
+    let settings = settings.with_context(|| format!("{}: no section [language.llm]", file.display()))?;
+    LlmParser::new(&settings, &loaded.folder, profile.clone())
 }
 
 fn parse_lines(

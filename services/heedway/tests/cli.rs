@@ -150,9 +150,63 @@ fn sentences_are_parsed_line_by_line() {
     assert_eq!(lines[1]["id"], "d2");
 }
 
+/// `heedway parse` with a language model that nobody serves.
+fn without_a_server(parser: &str, environment: &[(&str, &str)]) -> Output {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_heedway"))
+        .args(["parse", "--parser", parser])
+        .env_remove("HEEDWAY_LLM_BASE_URL")
+        .env_remove("HEEDWAY_LLM_KEY")
+        .envs(environment.iter().copied())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It may end before it reads.
+    let _ = child.stdin.take().unwrap().write_all(b"{\"id\":\"a\",\"text\":\"stay off the rug\"}\n");
+    child.wait_with_output().unwrap()
+}
+
 #[test]
-fn a_language_model_is_not_taken_without_its_configuration() {
-    check(&["parse", "--parser", "llm"], 1, &["configuration"]);
+fn a_language_model_is_told_by_the_environment_and_its_silence_is_a_question_or_the_grammar() {
+    let missing = without_a_server("llm", &[]);
+    assert_eq!(missing.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&missing.stderr).into_owned();
+    assert!(said.contains("HEEDWAY_LLM_BASE_URL") && said.contains("--config"), "{said}");
+    let nobody = [("HEEDWAY_LLM_BASE_URL", "http://127.0.0.1:1/v1"), ("HEEDWAY_LLM_MODEL", "m")];
+    for (parser, outcome) in [("llm", "clarify"), ("llm-then-offline", "accept")] {
+        let output = without_a_server(parser, &nobody);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let line: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(line["outcome"], outcome, "{line}");
+    }
+}
+
+#[test]
+fn an_audit_log_is_shown_and_a_broken_one_is_named() {
+    use heedway_language::audit::{Audit, Entry, Event};
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("audit.jsonl");
+    let mut log = Audit::open(&file, 1_700_000_000_000).unwrap();
+    for words in ["stay off the rug", "forget it\u{1b}[2J"] {
+        let said = Entry::bare(1_700_000_000_000, Event::Replied, String::new());
+        log.append(&Entry { text: words.into(), speaker: "ann".into(), ..said }).unwrap();
+    }
+    drop(log);
+    let path = file.to_str().unwrap();
+    let shown = heedway(&["audit", path]);
+    let words = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.status.success());
+    for part in ["#1", "2023-11-14 22:13:20", "ann", "stay off the rug", "2 entries, the chain holds"] {
+        assert!(words.contains(part), "{words:?} does not hold {part:?}");
+    }
+    assert!(!words.contains('\u{1b}'));
+    let last = String::from_utf8(heedway(&["audit", "--last", "1", "--json", path]).stdout).unwrap();
+    assert_eq!(last.lines().count(), 2);
+    assert!(last.contains("\"number\":2") && !last.contains("rug"), "{last}");
+    std::fs::write(&file, std::fs::read_to_string(&file).unwrap().replace("rug", "mat")).unwrap();
+    check(&["audit", "--verify", path], 1, &["audit.jsonl", "line 1 at byte 0", "sha256"]);
+    check(&["audit"], USAGE, &["--config"]);
 }
 
 #[test]

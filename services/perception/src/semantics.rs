@@ -23,6 +23,7 @@ pub mod groundings;
 pub mod keyframes;
 pub mod models;
 pub mod object_maps;
+pub mod places;
 pub mod questions;
 pub mod regions;
 pub mod replay;
@@ -40,6 +41,7 @@ use models::configured::LocalModels;
 use models::remote::RemoteModels;
 use models::{Answer, Ask, Models};
 use object_maps::{Job, ObjectMaps};
+use places::Places;
 
 /// How often the decider looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
@@ -53,10 +55,16 @@ pub async fn serve(life: Life, settings: Settings) -> anyhow::Result<()> {
     life.bus.subscribe(&topics::ODOMETRY, &inbox, 64, |r| Input::Odometry(r.message)).await?;
     life.bus.subscribe(&topics::POSE, &inbox, 8, |r| Input::Pose(r.message)).await?;
     life.bus.subscribe(&topics::RULES, &inbox, 4, |r| Input::Rules(r.message)).await?;
+    life.bus.subscribe(&topics::PLACES, &inbox, 2, |r| Input::Places(r.message)).await?;
     // One frame: an older one is worth less than the wait for it.
     life.bus.subscribe(&topics::RGBD, &inbox, 1, |r| Input::Frame(Box::new(r.message))).await?;
     let mut shell = Shell::new(&life, &settings, &inbox).await?;
+    let places = match &settings.places {
+        Some(file) => Places::load(&life.folder.join(file), settings.resolution_m)?,
+        None => Places::default(),
+    };
     let mut decider = Decider::new(settings);
+    decider.know_places(places);
     let mut tick = tokio::time::interval(TICK);
     tick.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     life.ready().await?;

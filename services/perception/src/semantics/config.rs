@@ -1,5 +1,6 @@
 //! What semantics can be told.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use geometry::Profile;
@@ -46,6 +47,9 @@ pub enum FusionRule {
 pub struct Settings {
     /// Who plays the model roles.
     pub models: ModelSource,
+    /// A file of named places; relative to the folder of the configuration. None is needed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub places: Option<PathBuf>,
     /// A model is given this long for an answer, milliseconds.
     pub model_patience_ms: u64,
     /// In so many frames an object must have been seen where it is, before it counts.
@@ -95,6 +99,7 @@ impl Default for Settings {
     fn default() -> Self {
         Settings {
             models: ModelSource::Remote,
+            places: None,
             model_patience_ms: 2000,
             n_masks_agreeing: 2,
             n_phrases_max: 32,

@@ -17,6 +17,7 @@ use super::groundings::Groundings;
 use super::keyframes::Keyframes;
 use super::models::{Answer, Ask};
 use super::object_maps::{Done, Job, Task, View, phrases_of};
+use super::places::Places;
 use super::questions::Questions;
 use super::report::Report;
 
@@ -41,6 +42,8 @@ pub enum Input {
     Placed(Box<Frame>),
     /// The rules in force.
     Rules(RuleSet),
+    /// The named places.
+    Places(proto::Places),
     /// What the models said, or why they did not.
     Answer {
         /// Which question it answers.
@@ -83,6 +86,7 @@ pub struct Decider {
     questions: Questions,
     groundings: Groundings,
     rules: Arc<[Rule]>,
+    places: Arc<Places>,
     rules_version: Option<u64>,
     /// The newest frame that waits to be looked at for obstacles.
     to_look: Option<Arc<Frame>>,
@@ -117,6 +121,7 @@ impl Decider {
             settings,
             groundings: Groundings::default(),
             rules: Arc::new([]),
+            places: Arc::default(),
             rules_version: None,
             to_look: None,
             to_ask: None,
@@ -146,6 +151,7 @@ impl Decider {
             Input::Frame(frame) => self.door.frame(now, frame),
             Input::Placed(frame) => self.show(Arc::from(frame)),
             Input::Rules(rule_set) => self.take_over(rule_set, &mut outputs),
+            Input::Places(told) => self.know_places(Places::of(&told, self.settings.resolution_m)),
             Input::Answer { ask_id, answer } => self.hear(ask_id, answer),
             Input::Done(done) => self.take_back(*done, &mut outputs),
             Input::Tick => {
@@ -189,10 +195,28 @@ impl Decider {
         let (good, odd): (Vec<Rule>, Vec<Rule>) =
             rule_set.specs.into_iter().partition(|rule| Segment::new(&rule.id).is_ok());
         self.rules = good.into();
-        let phrases = phrases_of(&self.rules, self.settings.n_phrases_max);
-        let is_left_out =
-            |rule: &&Rule| super::regions::phrases(rule).iter().any(|phrase| !phrases.contains(*phrase));
-        let n_left_out = self.rules.iter().filter(is_left_out).count() + odd.len();
+        self.look_for(odd.len());
+        let ended = self.groundings.set_rules(&self.rules);
+        outputs.extend(ended.into_iter().map(Output::RuleEnded));
+        self.to_review = true;
+    }
+
+    /// Takes over the named places: what they name is not searched for any more.
+    pub fn know_places(&mut self, places: Places) {
+        self.places = Arc::new(places);
+        self.look_for(0);
+        self.to_review = true;
+    }
+
+    /// Sets what is searched for: what the rules name and no place is.
+    fn look_for(&mut self, n_odd: usize) {
+        let phrases = phrases_of(&self.rules, &self.places, self.settings.n_phrases_max);
+        let places = Arc::clone(&self.places);
+        let is_left_out = |rule: &&Rule| {
+            let searched = |phrase: &&str| !places.holds(rule, phrase);
+            super::regions::phrases(rule).into_iter().filter(searched).any(|phrase| !phrases.contains(phrase))
+        };
+        let n_left_out = self.rules.iter().filter(is_left_out).count() + n_odd;
         self.report.troubles.rules = if n_left_out == 0 {
             String::new()
         } else {
@@ -200,9 +224,6 @@ impl Decider {
             format!("{n_left_out} rules are not looked for: odd ids, or more than {n_phrases_max} phrases")
         };
         self.questions.searches.set_phrases(&phrases);
-        let ended = self.groundings.set_rules(&self.rules);
-        outputs.extend(ended.into_iter().map(Output::RuleEnded));
-        self.to_review = true;
         if self.questions.searches.is_empty() {
             self.report.troubles.models.clear();
         }
@@ -262,7 +283,8 @@ impl Decider {
         self.was_fusing = matches!(task, Task::Fuse { .. });
         self.working = Some(now);
         let rules_version = self.rules_version.unwrap_or(0);
-        outputs.push(Output::Work(Job { map_epoch, rules_version, rules: Arc::clone(&self.rules), task }));
+        let (rules, places) = (Arc::clone(&self.rules), Arc::clone(&self.places));
+        outputs.push(Output::Work(Job { map_epoch, rules_version, rules, places, task }));
     }
 
     /// New rules first, then answers and looks in turn.

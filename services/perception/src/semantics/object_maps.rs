@@ -19,6 +19,7 @@ use rules::Rule;
 use super::evidence::Evidence;
 use super::frame::Frame;
 use super::models::{Answer, Understood};
+use super::places::Places;
 use super::regions::{Finding, phrases, region_of};
 use crate::wire::cell_set;
 
@@ -81,6 +82,8 @@ pub struct Job {
     pub rules_version: u64,
     /// The rules in force: what no rule speaks of is forgotten.
     pub rules: Arc<[Rule]>,
+    /// The named places.
+    pub places: Arc<Places>,
     /// What is to be done.
     pub task: Task,
 }
@@ -119,13 +122,16 @@ pub struct ObjectMaps {
     obstacles: ObstacleLayer,
 }
 
-/// The phrases that maps are kept for: those of the oldest rules, up to the limit.
+/// The phrases that maps are kept for: those of the oldest rules that name no place, up to the limit.
 #[must_use]
-pub fn phrases_of(rules: &[Rule], n_phrases_max: usize) -> BTreeSet<String> {
+pub fn phrases_of(rules: &[Rule], places: &Places, n_phrases_max: usize) -> BTreeSet<String> {
     let mut all = BTreeSet::new();
-    for phrase in rules.iter().flat_map(phrases) {
+    let searched = |rule: &Rule| {
+        phrases(rule).into_iter().filter(|p| !places.holds(rule, p)).map(str::to_owned).collect()
+    };
+    for phrase in rules.iter().flat_map(|rule| -> Vec<String> { searched(rule) }) {
         if all.len() < n_phrases_max && !phrase.trim().is_empty() {
-            all.insert(phrase.to_owned());
+            all.insert(phrase);
         }
     }
     all
@@ -155,7 +161,7 @@ impl ObjectMaps {
             self.evidence.clear();
             self.obstacles = ObstacleLayer::new(self.config.obstacles);
         }
-        let wanted = phrases_of(&job.rules, self.config.n_phrases_max);
+        let wanted = phrases_of(&job.rules, &job.places, self.config.n_phrases_max);
         self.evidence.retain(|phrase, _| wanted.contains(phrase));
         let mut done = Done {
             map_epoch: job.map_epoch,
@@ -172,9 +178,9 @@ impl ObjectMaps {
             Task::Fuse { view, phrases, answer, is_reviewed } => {
                 let asked = phrases.iter().enumerate().filter(|(_, phrase)| wanted.contains(*phrase));
                 done.failure = self.take_in(view, asked, answer).err();
-                done.findings = is_reviewed.then(|| self.review(&job.rules));
+                done.findings = is_reviewed.then(|| self.review(job));
             }
-            Task::Review => done.findings = Some(self.review(&job.rules)),
+            Task::Review => done.findings = Some(self.review(job)),
         }
         done
     }
@@ -220,15 +226,15 @@ impl ObjectMaps {
         Ok(())
     }
 
-    fn review(&self, rules: &[Rule]) -> Vec<Finding> {
-        let needing = rules.iter().filter(|rule| rule.needs_grounding());
+    fn review(&self, job: &Job) -> Vec<Finding> {
+        let needing = job.rules.iter().filter(|rule| rule.needs_grounding());
         needing
             .map(|rule| {
                 let seen: Vec<_> = phrases(rule).into_iter().map(|p| self.evidence.get(p)).collect();
                 Finding {
                     rule_id: rule.id.clone(),
                     stamp_ns: seen.iter().flatten().map(|e| e.newest_ns()).max().unwrap_or(0),
-                    region: region_of(rule, &seen, self.band, &self.config),
+                    region: region_of(rule, &seen, job.places.in_map(job.map_epoch), self.band, &self.config),
                 }
             })
             .collect()

@@ -12,6 +12,7 @@ use rules::Rule;
 use super::evidence::Evidence;
 use super::models::Understood;
 use super::object_maps::MapConfig;
+use super::places::Places;
 use crate::wire::cell_set;
 
 /// The region of one rule, for now.
@@ -75,21 +76,29 @@ fn relation_of(rule: &Rule) -> Option<Relation> {
     })
 }
 
-/// The region of a rule, from what was seen of each of its phrases, in order.
+/// The region of a rule, from what was seen of each of its phrases, in order, or from the place it names.
 ///
 /// # Errors
 /// [`Missing`] says why there is none.
 pub fn region_of(
     rule: &Rule,
     seen: &[Option<&Evidence>],
+    places: Option<&Places>,
     band: HeightBand,
     config: &MapConfig,
 ) -> Result<Region, Missing> {
     let relation = relation_of(rule).ok_or_else(|| Missing::CannotTell("needs no object".to_owned()))?;
     let mut footprints = Vec::new();
+    let (mut n_places, mut excepts_honoured) = (0, false);
     for (phrase, evidence) in phrases(rule).into_iter().zip(seen) {
         if phrase.trim().is_empty() {
             return Err(Missing::CannotTell("the rule names no object: its phrase is empty".to_owned()));
+        }
+        if let Some(found) = places.and_then(|places| places.find(rule, phrase)) {
+            n_places += 1;
+            excepts_honoured |= found.excepts_honoured;
+            footprints.push(found.footprint);
+            continue;
         }
         let evidence = evidence.ok_or_else(|| Missing::NotSeen(format!("looking for {phrase:?}")))?;
         if let Understood::NotAtAll(words) = &evidence.understood {
@@ -105,14 +114,16 @@ pub fn region_of(
     let n_objects = groups(first, config.closing.join_m).len();
     let mut remarks: Vec<String> = seen.iter().flatten().filter_map(|e| more_than_said(e)).collect();
     let is_more = !remarks.is_empty();
-    let is_ambiguous = is_more || (n_objects > 1 && is_qualified(rule)) || !rule.except.is_empty();
-    if !is_more && n_objects > 1 && is_qualified(rule) {
+    let is_which_unclear = !is_more && n_places == 0 && n_objects > 1 && is_qualified(rule);
+    let is_except_unclear = !rule.except.is_empty() && !excepts_honoured;
+    let is_ambiguous = is_more || is_which_unclear || is_except_unclear;
+    if is_which_unclear {
         let (phrase, obj) = (rule.phrase(), &rule.obj);
         remarks.push(format!(
             "{n_objects} found for {phrase:?}, cannot tell which {obj} is meant: all are covered"
         ));
     }
-    if !rule.except.is_empty() {
+    if is_except_unclear {
         remarks.push(format!("cannot tell {:?} from the others: all are covered", rule.except.join(", ")));
     }
     if seen.iter().flatten().any(|evidence| evidence.is_full()) {

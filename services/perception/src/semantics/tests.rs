@@ -60,6 +60,34 @@ fn a_rule_is_grounded_on_what_was_seen_before_it_was_said() {
     check(0, Grounding::Searching);
 }
 
+/// A rectangle in the map as a place.
+fn place(name: &str, [low_x, low_y, high_x, high_y]: [f64; 4]) -> proto::Place {
+    let polygon_map = vec![[low_x, low_y], [high_x, low_y], [high_x, high_y], [low_x, high_y]];
+    proto::Place { name: name.into(), also: vec![], kind: "room".into(), polygon_map }
+}
+
+#[test]
+fn a_rule_about_a_named_place_is_grounded_without_a_camera() {
+    const KITCHEN: [f64; 4] = [3.0, -1.0, 5.0, 2.0];
+    let mut bench = with_table();
+    bench.models = Models::Vanish;
+    let told = proto::Places { map_epoch: None, places: vec![place("kitchen", KITCHEN)] };
+    let out = rule("s1", Relation::On, "kitchen");
+    bench.tell_rules(1, &[out.clone(), rule("s2", Relation::Near, "table")]);
+    bench.wait(0.3);
+    assert_eq!(bench.grounding("s1"), Grounding::Searching);
+    bench.tell_places(told);
+    bench.wait(0.6);
+    assert_eq!(bench.grounding("s1"), Grounding::Grounded);
+    assert_eq!(bench.grounding("s2"), Grounding::Searching);
+    assert!(bench.fit("s1", &[KITCHEN]).iou > 0.9, "{:?}", bench.fit("s1", &[KITCHEN]));
+    // Only the table is searched for.
+    bench.tell_rules(2, &[out]);
+    let n_asked = bench.n_asked;
+    bench.wait(3.0);
+    assert_eq!((bench.n_asked, bench.grounding("s1")), (n_asked, Grounding::Grounded));
+}
+
 #[test]
 fn models_that_do_not_answer_are_trouble_and_the_rule_waits() {
     let check = |models: Models, words: &str, seconds: f64| {

@@ -181,6 +181,10 @@ impl Bench {
         self.input(Input::Pose(PoseEstimate { header, map_epoch, map_from_odom, quality }));
     }
 
+    pub(super) fn tell_places(&mut self, places: proto::Places) {
+        self.input(Input::Places(places));
+    }
+
     pub(super) fn tell_rules(&mut self, version: u64, rules: &[Rule]) {
         self.input(Input::Rules(RuleSet { version, specs: rules.to_vec() }));
     }
