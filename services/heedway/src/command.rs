@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use service::life::{EXIT_FAILED, EXIT_OK, EXIT_USAGE};
 
-use crate::{carry, demo, ground, parse, rules_list, say, watch};
+use crate::{carry, demo, ground, models, parse, rules_list, say, watch};
 
 /// Tell a robot in plain words what to heed, and see that it does.
 #[derive(Parser, Debug)]
@@ -30,6 +30,8 @@ enum Command {
     Parse(parse::Arguments),
     /// Find what rules speak of in recorded RGB-D, without a robot: overlays, maps, a summary.
     Ground(ground::Arguments),
+    /// List the models that semantics uses, check them, and tell where to get what is missing.
+    Models(models::Arguments),
     /// Run one service in this process.
     Service(carry::Arguments),
 }
@@ -52,6 +54,7 @@ pub fn run() -> ExitCode {
         Command::Watch(arguments) => in_runtime(watch::run(arguments)),
         Command::Parse(arguments) => told(parse::run(&arguments)),
         Command::Ground(arguments) => told(ground::run(&arguments)),
+        Command::Models(arguments) => told(models::run(&arguments)),
         // It starts a runtime of its own.
         Command::Service(arguments) => carry::run(&arguments),
     }
