@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand};
 use service::life::{EXIT_FAILED, EXIT_OK, EXIT_USAGE};
 
 use crate::bench::{self, Bench};
-use crate::{audit, carry, demo, ground, parse, rules_list, say, slam, watch};
+use crate::{audit, carry, demo, ground, models, parse, rules_list, say, slam, watch};
 
 /// Tell a robot in plain words what to heed, and see that it does.
 #[derive(Parser, Debug)]
@@ -38,6 +38,8 @@ enum Command {
     Ground(ground::Arguments),
     /// Show the audit log, and whether it still holds.
     Audit(audit::Arguments),
+    /// List the models that semantics uses, check them, and tell where to get what is missing.
+    Models(models::Arguments),
     /// Run one service in this process.
     Service(carry::Arguments),
 }
@@ -63,6 +65,7 @@ pub fn run() -> ExitCode {
         Command::Bench(what) => timed(what),
         Command::Ground(arguments) => told(ground::run(&arguments)),
         Command::Audit(arguments) => told(audit::run(&arguments)),
+        Command::Models(arguments) => told(models::run(&arguments)),
         // It starts a runtime of its own.
         Command::Service(arguments) => carry::run(&arguments),
     }

@@ -9,8 +9,7 @@ use geometry::Profile;
 use heedway_perception::ground::{self, N_FRAMES_FEW};
 use heedway_perception::recording::Recording;
 use heedway_perception::semantics::Settings;
-use heedway_perception::semantics::models::configured::LocalModels;
-use heedway_perception::semantics::models::folder::{library_for, yolo_in};
+use heedway_perception::semantics::models::folder;
 
 use crate::rules_file;
 
@@ -24,7 +23,8 @@ pub struct Arguments {
     /// The rules: sentences, one a line; or rules as JSON, an array or one a line.
     #[arg(long, value_name = "FILE")]
     rules: PathBuf,
-    /// Folder of the models; ONNX Runtime may lie there too.
+    /// Folder of the models: a YOLO segmentation and what goes with it, or an export of CLIPSeg and Mask2Former
+    /// with its manifest. ONNX Runtime may lie there too.
     #[arg(long, value_name = "DIR")]
     models: PathBuf,
     /// Folder for what is found; made when it is not there.
@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         settings,
         n_frames_max: arguments.frames,
     };
-    let models = LocalModels::open_yolo(&library_for(&arguments.models), &yolo_in(&arguments.models)?)?;
+    let models = folder::open(&arguments.models)?;
     let summary = ground::run(&options, |frame, phrases| models.answer_now(frame, phrases))?;
     for frame in &summary.frames {
         if let Some(reason) = frame.left_out.as_ref().or(frame.trouble.as_ref()) {

@@ -14,6 +14,7 @@ pub mod demo;
 pub mod fleet;
 pub mod ground;
 pub mod hearing;
+pub mod models;
 pub mod parse;
 pub mod rules_file;
 pub mod rules_list;

@@ -84,10 +84,20 @@ pub async fn serve(life: Life, settings: Settings) -> anyhow::Result<()> {
 enum Asked {
     Remote(RemoteModels),
     Local(LocalModels),
+    /// They could not be opened. Semantics lives on: every rule is told to be searched for, and why.
+    Missing(String),
 }
 
 impl Asked {
-    async fn new(life: &Life, settings: &Settings) -> anyhow::Result<Self> {
+    async fn new(life: &Life, settings: &Settings) -> Self {
+        Self::open(life, settings).await.unwrap_or_else(|e| {
+            let reason = format!("{e:#}");
+            tracing::error!(%reason, "models cannot be opened");
+            Asked::Missing(reason)
+        })
+    }
+
+    async fn open(life: &Life, settings: &Settings) -> anyhow::Result<Self> {
         let (onnx, folder) = (settings.onnx.clone().within(&life.folder), life.folder.clone());
         Ok(match settings.models {
             ModelSource::Remote => {
@@ -98,6 +108,11 @@ impl Asked {
                 let opened = tokio::task::spawn_blocking(move || LocalModels::open_yolo(&onnx, &files));
                 Asked::Local(opened.await??)
             }
+            ModelSource::Clipseg => {
+                let export = folder.join(&settings.clipseg.folder);
+                let opened = tokio::task::spawn_blocking(move || LocalModels::open_clipseg(&onnx, &export));
+                Asked::Local(opened.await??)
+            }
         })
     }
 
@@ -105,6 +120,7 @@ impl Asked {
         match self {
             Asked::Remote(models) => models.answer(ask).await,
             Asked::Local(models) => models.answer(ask).await,
+            Asked::Missing(reason) => Err(anyhow::anyhow!("{reason}")),
         }
     }
 }
@@ -129,7 +145,7 @@ impl<'a> Shell<'a> {
             beat: life.bus.publisher(&topics::SEMANTICS_BEAT).await?,
             rules_held: life.bus.instance_publisher(&topics::RULES_HELD, &life.name).await?,
             object_maps: BTreeMap::new(),
-            models: Arc::new(Asked::new(life, settings).await?),
+            models: Arc::new(Asked::new(life, settings).await),
             maps: Arc::new(Mutex::new(ObjectMaps::new(settings.maps(&life.profile), &life.profile)?)),
             // One question and one job are under way at most.
             back: Arc::new(inbox.slot(4)),

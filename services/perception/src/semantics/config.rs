@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::frame_door::DoorLimits;
 use super::keyframes::KeyframeLimits;
-use super::models::configured::YoloSettings;
+use super::models::configured::{ClipSegSettings, YoloSettings};
 use super::models::runtime::RuntimeSettings;
 use super::object_maps::MapConfig;
 
@@ -28,6 +28,8 @@ pub enum ModelSource {
     Remote,
     /// A YOLO segmentation in this process, for robots without a GPU.
     Yolo,
+    /// CLIPSeg and Mask2Former in this process.
+    Clipseg,
 }
 
 /// How heat maps choose segments.
@@ -92,6 +94,8 @@ pub struct Settings {
     pub onnx: RuntimeSettings,
     /// The models of `yolo`.
     pub yolo: YoloSettings,
+    /// The models of `clipseg`.
+    pub clipseg: ClipSegSettings,
 }
 
 impl Default for Settings {
@@ -121,6 +125,7 @@ impl Default for Settings {
             idle_period_ms: 500,
             onnx: RuntimeSettings::default(),
             yolo: YoloSettings::default(),
+            clipseg: ClipSegSettings::default(),
         }
     }
 }

@@ -10,9 +10,14 @@ use proto::{HeatMaps, Segments};
 
 use super::frame::Frame;
 
+pub mod clipseg;
 pub mod configured;
 pub mod detector;
 pub mod folder;
+pub mod inventory;
+pub mod manifest;
+pub mod mask2former;
+pub mod paired;
 pub mod picture;
 pub mod remote;
 pub mod runtime;

@@ -11,6 +11,7 @@ use proto::{Invalid, codec::within};
 use serde::{Deserialize, Serialize};
 
 use super::detector::Detector;
+use super::paired::Paired;
 use super::runtime::{Runtime, RuntimeSettings};
 use super::sentence::{Sentences, open_tokenizer};
 use super::stuff::Stuff;
@@ -83,11 +84,21 @@ impl YoloSettings {
     }
 }
 
+/// Section `[semantics.clipseg]`: what `deploy/models/export.py` wrote.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ClipSegSettings {
+    /// Folder of the export, with its `manifest.json`.
+    pub folder: PathBuf,
+}
+
 /// Models of this process.
 #[derive(Clone)]
 pub enum LocalModels {
     /// By classes.
     Yolo(Arc<Detector>),
+    /// By words.
+    ClipSeg(Arc<Paired>),
 }
 
 impl LocalModels {
@@ -122,6 +133,18 @@ impl LocalModels {
         Ok(LocalModels::Yolo(Arc::new(Detector::new(things, stuff, vocabulary))))
     }
 
+    /// Opens CLIPSeg and Mask2Former.
+    ///
+    /// # Errors
+    /// Names the file that is missing, not the one that was exported, or of another shape.
+    pub fn open_clipseg(runtime: &RuntimeSettings, folder: &Path) -> anyhow::Result<Self> {
+        ensure!(
+            !folder.as_os_str().is_empty(),
+            "no models: `folder` in the section [semantics.clipseg] is empty; `heedway models` tells where to get them"
+        );
+        Ok(LocalModels::ClipSeg(Arc::new(Paired::open(&Runtime::load(runtime)?, folder)?)))
+    }
+
     /// Answers. Blocks for as long as the models work.
     ///
     /// # Errors
@@ -132,6 +155,7 @@ impl LocalModels {
         }
         match self {
             LocalModels::Yolo(detector) => detector.answer(frame, phrases),
+            LocalModels::ClipSeg(paired) => paired.answer(frame, phrases),
         }
     }
 

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-use super::configured::YoloSettings;
+use super::configured::{LocalModels, YoloSettings};
+use super::manifest;
 use super::runtime::{LIBRARY_VARIABLE, RuntimeSettings};
 
 /// Folders that the library is looked for in, after the models' own and the variable.
@@ -43,6 +44,19 @@ impl Names {
         };
         self.names.iter().filter(fits).min_by_key(rank).map(|name| self.folder.join(name))
     }
+}
+
+/// Opens the models of a folder: an export of CLIPSeg and Mask2Former when it holds a manifest, else those of
+/// `yolo`.
+///
+/// # Errors
+/// When neither is there, or something is missing or not what it should be.
+pub fn open(folder: &Path) -> anyhow::Result<LocalModels> {
+    let library = library_for(folder);
+    if folder.join(manifest::FILE).exists() {
+        return LocalModels::open_clipseg(&library, folder);
+    }
+    LocalModels::open_yolo(&library, &yolo_in(folder)?)
 }
 
 /// The models of `yolo` in a folder: `yolo*seg*.onnx` (version 7 before others: it has the best masks),

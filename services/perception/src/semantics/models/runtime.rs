@@ -19,6 +19,9 @@ pub const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
 pub const LIBRARY_COMMAND: &str = "pip download --no-deps -d wheel onnxruntime==1.24.1 && \
      unzip -jo wheel/onnxruntime-*.whl 'onnxruntime/capi/libonnxruntime.so*' -d lib";
 
+/// The library and its environment, once started.
+static STARTED: Mutex<Option<(PathBuf, ort::environment::Environment)>> = Mutex::new(None);
+
 /// What runs a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -80,10 +83,30 @@ impl Runtime {
     /// When there is none, or it is none of the versions that are known to work; says how to get it.
     pub fn load(settings: &RuntimeSettings) -> anyhow::Result<Self> {
         let library = library_file(settings)?;
-        let builder = ort::init_from(&library)
-            .map_err(|e| anyhow!("ONNX Runtime: {e}; get one that works by: {LIBRARY_COMMAND}"))?;
-        let environment =
-            builder.with_name("heedway").with_telemetry(false).build().context("start ONNX Runtime")?;
+        // The library allows one environment in a process; it is started once and shared.
+        let mut started = STARTED.lock().unwrap_or_else(PoisonError::into_inner);
+        let environment = match &*started {
+            Some((first, environment)) => {
+                ensure!(
+                    *first == library,
+                    "ONNX Runtime: {} is loaded already, {} cannot be beside it",
+                    first.display(),
+                    library.display()
+                );
+                environment.clone()
+            }
+            None => {
+                let builder = ort::init_from(&library)
+                    .map_err(|e| anyhow!("ONNX Runtime: {e}; get one that works by: {LIBRARY_COMMAND}"))?;
+                let environment = builder
+                    .with_name("heedway")
+                    .with_telemetry(false)
+                    .build()
+                    .context("start ONNX Runtime")?;
+                *started = Some((library.clone(), environment.clone()));
+                environment
+            }
+        };
         Ok(Runtime { environment, settings: settings.clone(), library })
     }
 
