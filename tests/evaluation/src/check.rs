@@ -21,8 +21,9 @@ const DEPTH_M_MIN: f64 = 0.3;
 const SHARE_MIN: f64 = 0.3;
 /// Where a speed limit holds the nominal way must be at least so long, metres: enough to be fast in.
 const STRETCH_M_MIN: f64 = 0.5;
-/// Planner and filter together leave this to each side of the hull, metres.
-const CLEARANCE_M: f64 = 0.06;
+/// A passage leaves at least this to each side of the hull, metres: the planner's clearance, and a cell's side for what a
+/// map of cells makes of a zone's edge.
+const CLEARANCE_M: f64 = 0.1;
 
 /// What was found for a case.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,7 @@
 //! The command line.
 
 mod check;
+mod generated;
 mod scene;
 
 use std::process::ExitCode;
@@ -19,6 +20,8 @@ struct Arguments {
 enum Command {
     /// Plays trials in one scene file.
     Scene(scene::Arguments),
+    /// Plays trials in scenes drawn from seeds.
+    Generated(generated::Arguments),
     /// Checks whether the cases of scene files are worth playing.
     Check(check::Arguments),
 }
@@ -28,6 +31,7 @@ enum Command {
 pub fn run() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Scene(arguments) => scene::run(&arguments),
+        Command::Generated(arguments) => generated::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
     };
     match done {

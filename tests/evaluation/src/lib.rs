@@ -7,6 +7,7 @@
 
 pub mod check;
 pub mod command;
+pub mod generate;
 pub mod judge;
 pub mod model_host;
 pub mod outcome;

@@ -38,7 +38,7 @@ pub struct Task<'a> {
 }
 
 /// One point of the path that was really driven.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PathPoint {
     /// Since the words were said, seconds.
     pub time_s: f64,
@@ -46,6 +46,8 @@ pub struct PathPoint {
     pub position_map: Point2,
     /// How fast it was, m/s.
     pub speed_m_s: f64,
+    /// What the filter made of what was wanted, in words.
+    pub filter: String,
 }
 
 /// What happened, as it really was.
@@ -167,7 +169,8 @@ fn drive(task: &Task<'_>, world: &World, hull: Hull, system: &mut System, run: &
         jerk_sum += (accel - accel_m_s2).abs();
         (speed_m_s, accel_m_s2) = (twist.speed_m_s, accel);
         if n_turns.is_multiple_of(N_TURNS_A_POINT) {
-            run.path.push(PathPoint { time_s, position_map: centre_map, speed_m_s: twist.speed_m_s });
+            let filter = in_words(system);
+            run.path.push(PathPoint { time_s, position_map: centre_map, speed_m_s: twist.speed_m_s, filter });
         }
         if run.grounded_after_s.is_none() && is_grounded(system) {
             run.grounded_after_s = Some(time_s);
@@ -184,6 +187,24 @@ fn drive(task: &Task<'_>, world: &World, hull: Hull, system: &mut System, run: &
     }
     run.findings = judge.findings().clone();
     run.jerk_m_s3 = if run.time_s > 0.0 { jerk_sum / run.time_s } else { 0.0 };
+}
+
+/// What was wanted and what was sent, and why.
+fn in_words(system: &System) -> String {
+    let Some(status) = &system.told.filter else { return String::new() };
+    let wanted = status.nominal.map_or_else(String::new, |twist| {
+        format!("wanted {:.2} m/s {:.2} rad/s, ", twist.speed_m_s, twist.yaw_rate_rad_s)
+    });
+    let v_m = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.3}"));
+    format!(
+        "{wanted}sent {:.2} m/s {:.2} rad/s; V {} of {}; {}: {}",
+        status.sent.speed_m_s,
+        status.sent.yaw_rate_rad_s,
+        v_m(status.v_sent_m),
+        v_m(status.v_safe_m),
+        status.action,
+        status.words
+    )
 }
 
 fn way_m(from: Pose2, to: Pose2) -> f64 {

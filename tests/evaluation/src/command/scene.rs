@@ -88,6 +88,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         if let Some(folder) = &arguments.out {
             let name = format!("{}-{}-{}.csv", line.scene, line.method.word(), line.seed);
             std::fs::write(folder.join(&name), path_csv(&run)).with_context(|| format!("write {name}"))?;
+            let name = name.replace(".csv", "-regions.json");
+            let regions = serde_json::to_string(&run.regions)?;
+            std::fs::write(folder.join(&name), regions).with_context(|| format!("write {name}"))?;
         }
         lines.push(line);
     }
@@ -154,10 +157,17 @@ fn tell(arguments: &Arguments, line: &Line) -> anyhow::Result<()> {
 }
 
 fn path_csv(run: &Run) -> String {
-    let mut text = "time_s,x_m,y_m,speed_m_s\n".to_owned();
+    let mut text = "time_s,x_m,y_m,speed_m_s,filter\n".to_owned();
     for point in &run.path {
         let at = point.position_map;
-        text += &format!("{:.2},{:.4},{:.4},{:.4}\n", point.time_s, at.x, at.y, point.speed_m_s);
+        text += &format!(
+            "{:.2},{:.4},{:.4},{:.4},\"{}\"\n",
+            point.time_s,
+            at.x,
+            at.y,
+            point.speed_m_s,
+            point.filter.replace('"', "'")
+        );
     }
     text
 }
