@@ -3,13 +3,21 @@
 //! No depth is needed: the ray through each masked pixel is cut with the floor, z = 0 in `map`. A pixel whose
 //! measured depth lies clearly in front of the floor shows something that stands there, and says nothing of
 //! the floor behind it. Cells gather hits and lose them again when they are seen outside the mask.
+//!
+//! A camera on a low robot does not see the floor before its wheels: an area is driven past with a corner that was
+//! never in the picture. So cells that were seen bare are remembered, and what was not seen at all counts
+//! as part of the area within its convex outline and a little beyond its edge.
 
-use geometry::{Point2, Point3};
-use rustc_hash::FxHashMap;
+use geometry::{Point2, Point3, Polygon};
+use nalgebra::Vector2;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::grid::Grid;
 use crate::image::{DepthFrame, ImageError, Mask};
+use crate::morphology::{dilated, groups, padded};
 use crate::occupancy::{Closing, HeightBand, OccupancyError, Relation, footprint};
+use crate::raster::mark_polygon;
+use crate::region::convex_hull;
 
 /// Height above the floor up to which a point is floor, metres.
 pub const FLOOR_HEIGHT_M: f64 = 0.03;
@@ -82,11 +90,16 @@ impl Default for FloorConfig {
     }
 }
 
+/// So far beyond its edge what was never seen counts as part of an area, metres: two cells of the usual size.
+const UNSEEN_EDGE_M: f64 = 0.1;
+
 /// One rule's area of floor, in `map`.
 #[derive(Clone, Debug)]
 pub struct FloorArea {
     config: FloorConfig,
     evidence: FxHashMap<[i32; 2], f32>,
+    /// Cells near the area that were seen, and not in the mask.
+    bare: FxHashSet<[i32; 2]>,
     n_refused: u64,
 }
 
@@ -94,7 +107,7 @@ impl FloorArea {
     /// An empty area. A resolution outside 0.005 to 1 m is refused when the footprint is asked for.
     #[must_use]
     pub fn new(config: FloorConfig) -> Self {
-        FloorArea { config, evidence: FxHashMap::default(), n_refused: 0 }
+        FloorArea { config, evidence: FxHashMap::default(), bare: FxHashSet::default(), n_refused: 0 }
     }
 
     /// Number of cells with evidence.
@@ -115,9 +128,9 @@ impl FloorArea {
     /// [`ImageError::Size`] when the mask is not of the frame's size.
     pub fn observe(&mut self, frame: &DepthFrame<'_>, mask: &Mask) -> Result<(), ImageError> {
         frame.check_mask(mask)?;
-        let floor = FloorView::new(frame, mask, &self.config);
-        // Cells held already: seen in the mask, seen outside it, or not seen.
         let config = self.config;
+        let floor = FloorView::new(frame, mask, &config);
+        // Cells held already: seen in the mask, seen outside it, or not seen.
         self.evidence.retain(|&key, evidence| {
             match floor.look(key) {
                 Seen::Masked => *evidence = (*evidence + 1.0).min(config.evidence_max),
@@ -126,24 +139,54 @@ impl FloorArea {
             }
             *evidence > 0.0
         });
-        // New cells: all in the box around the mask's rays, so that none is missed between two far rows.
-        let Some((low, high)) = floor.masked_box() else { return Ok(()) };
-        for y in low[1]..=high[1] {
-            for x in low[0]..=high[0] {
-                let key = [x, y];
-                if matches!(floor.look(key), Seen::Masked) && !self.evidence.contains_key(&key) {
-                    if self.evidence.len() < self.config.n_cells_max {
-                        self.evidence.insert(key, 1.0);
-                    } else {
-                        self.n_refused += 1;
-                    }
+        // New cells: all in the box around the mask's rays, so that none is missed between two far rows, and all
+        // around the area, so that its edge is seen to be one.
+        // A frame in which nothing was found may be a frame in which too little of it was to be seen: it takes
+        // evidence away, and is no proof of bare floor.
+        let Some(masked) = floor.masked_box() else { return Ok(()) };
+        for (low, high) in [Some(masked), self.outskirts()].into_iter().flatten() {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    self.meet([x, y], &floor);
                 }
             }
         }
         Ok(())
     }
 
-    /// The area, closed and filled.
+    /// Takes in what a frame says of a cell that has no evidence yet.
+    fn meet(&mut self, key: [i32; 2], floor: &FloorView<'_>) {
+        if self.evidence.contains_key(&key) {
+            return;
+        }
+        match floor.look(key) {
+            Seen::Masked if self.evidence.len() < self.config.n_cells_max => {
+                self.evidence.insert(key, 1.0);
+                self.bare.remove(&key);
+            }
+            Seen::Masked => self.n_refused += 1,
+            Seen::Bare if self.bare.len() < self.config.n_cells_max && floor.is_surely_bare(key) => {
+                self.bare.insert(key);
+            }
+            Seen::Bare | Seen::Not => {}
+        }
+    }
+
+    /// The box around all cells with evidence, and as far around it as the unseen may count as area.
+    fn outskirts(&self) -> Option<([i32; 2], [i32; 2])> {
+        let mut cells = self.evidence.keys();
+        let first = *cells.next()?;
+        let (low, high) = cells.fold((first, first), |(low, high), key| {
+            ([low[0].min(key[0]), low[1].min(key[1])], [high[0].max(key[0]), high[1].max(key[1])])
+        });
+        let n_beyond = (UNSEEN_EDGE_M / self.config.resolution_m).ceil() as i32 + 1;
+        let first = low.map(|k| k - n_beyond);
+        let last = [0, 1].map(|axis| (high[axis] + n_beyond).min(first[axis].saturating_add(N_BOX_SIDE_MAX)));
+        Some((first, last))
+    }
+
+    /// The area, closed and filled; with it what was never seen, within its convex outline (of each part that
+    /// hangs together) and up to 0.1 m beyond its edge.
     ///
     /// # Errors
     /// [`OccupancyError`] when no cell has evidence enough, or the cells are too far apart for a grid.
@@ -161,7 +204,33 @@ impl FloorArea {
         // A hash map has no order of its own; the result must not depend on it.
         points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
         let closing = Closing { resolution_m, fill_radius_m: 2.0 * resolution_m, ..Closing::default() };
-        footprint(&points, Relation::On, HeightBand { robot_height_m: 0.0 }, &closing)
+        let seen = footprint(&points, Relation::On, HeightBand { robot_height_m: 0.0 }, &closing)?;
+        let n_border = (UNSEEN_EDGE_M / seen.layout().resolution_m).ceil() as usize + 1;
+        // An area too large for a border keeps what was seen of it.
+        Ok(padded(&seen, n_border).map_or(seen, |wide| self.with_unseen(wide)))
+    }
+
+    fn with_unseen(&self, mut area: Grid<bool>) -> Grid<bool> {
+        let layout = *area.layout();
+        let half_m = layout.resolution_m / 2.0;
+        let key = |at: Point2| [at.x, at.y].map(|v| (v / self.config.resolution_m).floor() as i32);
+        let mut wider = dilated(&area, UNSEEN_EDGE_M);
+        for group in groups(&area, 2.0 * layout.resolution_m) {
+            let corners = group.iter().flat_map(|cell| {
+                let centre = layout.centre(*cell);
+                [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+                    .map(|(x, y)| centre + Vector2::new(x, y) * (half_m - 1e-6))
+            });
+            if let Ok(outline) = Polygon::new(convex_hull(corners.collect())) {
+                mark_polygon(&mut wider, &outline);
+            }
+        }
+        for cell in layout.cells().filter(|cell| *wider.get(*cell)) {
+            if !self.bare.contains(&key(layout.centre(cell))) {
+                area.set(cell, true);
+            }
+        }
+        area
     }
 }
 
@@ -206,6 +275,21 @@ impl<'a> FloorView<'a> {
             return Seen::Not;
         }
         if self.mask.bits()[idx] { Seen::Masked } else { Seen::Bare }
+    }
+
+    /// Whether a cell that is seen bare is not next to the mask: from afar a pixel is longer than a cell, and the
+    /// edge of an area is told to a pixel only.
+    fn is_surely_bare(&self, key: [i32; 2]) -> bool {
+        let [x, y] = key.map(|k| (f64::from(k) + 0.5) * self.config.resolution_m);
+        let camera = self.frame.intrinsics();
+        let at_camera = self.camera_from_map * Point3::new(x, y, 0.0);
+        let Some((u, v)) = camera.project(at_camera) else { return false };
+        let (width, height) = (i64::from(camera.width), i64::from(camera.height));
+        let (col, row) = ((u + 0.5).floor() as i64, (v + 0.5).floor() as i64);
+        (-1..=1).flat_map(|dv| (-1..=1).map(move |du| (col + du, row + dv))).all(|(col, row)| {
+            let is_outside = !(0..width).contains(&col) || !(0..height).contains(&row);
+            is_outside || !self.mask.bits()[(row * width + col) as usize]
+        })
     }
 
     /// Whether something stands in front of the floor at a pixel. No depth, as over water, hides nothing.

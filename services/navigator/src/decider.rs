@@ -136,7 +136,7 @@ impl NavigatorDecider {
             Input::PlanReady(ready) => {
                 self.is_planning = false;
                 if ready.goal_count == self.goal_count {
-                    self.plan = Some(ready);
+                    self.plan = Some(self.settled(now, ready));
                 }
             }
             Input::PlanTick => return self.plan_tick(now),
@@ -186,6 +186,23 @@ impl NavigatorDecider {
         }
         self.regions.retain(|id, _| set.specs.iter().any(|rule| rule.id == *id));
         self.rules = Some(set);
+    }
+
+    /// The plan to follow from now on: the new one, unless the way under way is still free and hardly longer. Maps
+    /// grow as the robot looks, and who takes the other way around at every plan gets nowhere.
+    fn settled(&self, now: Time, ready: PlanReady) -> PlanReady {
+        let Ok((_, map_from_base)) = self.place(now) else { return ready };
+        let Some(PlanReady { path: Ok(old), map_epoch, .. }) = &self.plan else { return ready };
+        let Ok(new) = &ready.path else { return ready };
+        if *map_epoch != ready.map_epoch {
+            return ready;
+        }
+        match new.kept_way(&old.points_map, map_from_base.position()) {
+            Some(points_map) => {
+                PlanReady { path: Ok(Path { points_map, costmap: Arc::clone(&new.costmap) }), ..ready }
+            }
+            None => ready,
+        }
     }
 
     fn plan_tick(&mut self, now: Time) -> Vec<Output> {

@@ -57,6 +57,32 @@ pub struct Path {
     pub costmap: Arc<Costmap>,
 }
 
+/// A way under way is kept while it is at most so many times as long as the best one. Chosen: more than what cells make
+/// of one and the same way, less than a detour that anybody would notice.
+const KEPT_RATIO: f64 = 1.15;
+
+impl Path {
+    /// What is left of an older path from `place` on, when it is free on this path's map and hardly longer.
+    #[must_use]
+    pub fn kept_way(&self, older_map: &[Point2], place: Point2) -> Option<Vec<Point2>> {
+        let off_m = |w: &[Point2]| match w {
+            [from, to] => geometry::polygon::segment_distance_m(place, *from, *to),
+            _ => f64::INFINITY,
+        };
+        let nearest = older_map.windows(2).enumerate().min_by(|a, b| off_m(a.1).total_cmp(&off_m(b.1)))?;
+        let rest = older_map.get(nearest.0 + 1..)?;
+        let left: Vec<Point2> = std::iter::once(place).chain(rest.iter().copied()).collect();
+        let length_m = |points: &[Point2]| -> f64 {
+            points.windows(2).map(|w| if let [from, to] = w { (to - from).norm() } else { 0.0 }).sum()
+        };
+        let is_free = || {
+            left.windows(2)
+                .all(|w| if let [from, to] = w { self.costmap.sees(*from, *to, 0.0) } else { false })
+        };
+        (length_m(&left) <= KEPT_RATIO * length_m(&self.points_map) && is_free()).then_some(left)
+    }
+}
+
 /// Makes a plan. A few tens of milliseconds for a house.
 #[must_use]
 pub fn make(job: &PlanJob, profile: &Profile) -> PlanReady {
@@ -138,6 +164,28 @@ fn mark(set: &CellSet, layout: &Layout, mut touch: impl FnMut(Cell)) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_way_under_way_is_kept_while_it_is_free_and_hardly_longer() {
+        let layout = Layout::new(Point2::origin(), 0.05, Shape { n_cols: 100, n_rows: 80 }).unwrap();
+        let floor = |wall: bool| {
+            let mut grid = Grid::filled(layout, Occupancy::Free);
+            for row in 50..70 {
+                grid.set(Cell { col: 50, row }, if wall { Occupancy::Occupied } else { Occupancy::Free });
+            }
+            Arc::new(Costmap::new(&grid, &[], 0.05, &Profile::sim()))
+        };
+        let point = Point2::new;
+        let straight = vec![point(1.0, 2.0), point(4.0, 2.0)];
+        let bent = [point(1.0, 2.0), point(2.5, 2.8), point(4.0, 2.0)];
+        let check = |wall: bool, older: &[Point2], wanted: bool| {
+            let new = Path { points_map: straight.clone(), costmap: floor(wall) };
+            assert_eq!(new.kept_way(older, point(1.0, 2.0)).is_some(), wanted);
+        };
+        check(false, &bent, true);
+        check(true, &bent, false);
+        check(false, &[point(1.0, 2.0), point(2.5, 3.4), point(4.0, 2.0)], false);
+    }
 
     #[track_caller]
     fn check(origin_x_m: f64, resolution_m: f64, wanted_cols: &[usize]) {

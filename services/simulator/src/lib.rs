@@ -5,7 +5,9 @@
 //! it talks to. Ground truth leaves on a key of its own, which only the evaluation reads. Deliberately
 //! not here: any decision about where to go.
 
+pub mod answers;
 pub mod base;
+pub mod beat;
 pub mod config;
 pub mod footprint;
 pub mod kept_frames;
@@ -15,6 +17,7 @@ pub mod oracle_models;
 pub mod raycast;
 pub mod scene;
 pub mod sensor_noise;
+pub mod sensors;
 pub mod simulated_robot;
 pub mod solid;
 pub mod triangulate;
@@ -35,9 +38,6 @@ use oracle_models::Oracle;
 use scene::{Hull, Scene};
 use simulated_robot::{SimulatedRobot, State, World};
 use truth::GroundTruth;
-
-/// How the simulator signs its answers.
-const MODEL_NAME: &str = "simulator-oracle";
 
 /// Runs the simulator until the process is asked to stop.
 ///
@@ -139,32 +139,18 @@ async fn answer_questions(
 
 fn answer(asked: Asked, oracle: &Oracle, kept: &KeptFrames) -> anyhow::Result<()> {
     match asked {
-        Asked::HeatMaps(question) => match kept.find(&question.request.image) {
-            Ok(seen) => {
-                let seq = question.request.image.seq;
-                let heat = oracle.heat(&seen, seq, &question.request.phrases);
-                let n_phrases = u32::try_from(question.request.phrases.len()).context("number of phrases")?;
-                let oracle_models::Heat { width, height, values } = heat;
-                question.answer(&HeatMaps { seq, model: MODEL_NAME.into(), width, height, values, n_phrases })
+        Asked::HeatMaps(question) => {
+            let HeatMapsRequest { image, phrases } = &question.request;
+            match answers::heat_maps(oracle, kept, image, phrases) {
+                Ok(answer) => question.answer(&answer),
+                Err(e) => {
+                    question.refuse(&e.to_string());
+                    Ok(())
+                }
             }
-            Err(e) => {
-                question.refuse(&e.to_string());
-                Ok(())
-            }
-        },
-        Asked::Segments(question) => match kept.find(&question.request.image) {
-            Ok(seen) => {
-                let seq = question.request.image.seq;
-                let panoptic = oracle.segments(&seen, seq);
-                question.answer(&Segments {
-                    seq,
-                    model: MODEL_NAME.into(),
-                    width: seen.width,
-                    height: seen.height,
-                    n_segments: panoptic.n_segments,
-                    labels_le: Segments::label_bytes(&panoptic.labels),
-                })
-            }
+        }
+        Asked::Segments(question) => match answers::segments(oracle, kept, &question.request.image) {
+            Ok(answer) => question.answer(&answer),
             Err(e) => {
                 question.refuse(&e.to_string());
                 Ok(())

@@ -56,6 +56,24 @@ pub struct Panoptic {
     pub labels: Vec<u16>,
 }
 
+impl Heat {
+    /// One map for each set of instances that are hot, as coarse and blurred as a model's.
+    #[must_use]
+    pub fn of_instances(image: &InstanceImage, hot: &[Vec<bool>]) -> Heat {
+        let cells = |pixels: u32| ((f64::from(pixels) / CELL_PIXELS).round() as u32).clamp(1, 1024);
+        let (width, height) = (cells(image.width), cells(image.height));
+        let mut values = Vec::with_capacity(hot.len() * (width * height) as usize);
+        for hot in hot {
+            let mut map = shares(image, hot, width, height);
+            for _ in 0..N_BLURS {
+                map = blurred(&map, width as usize, height as usize);
+            }
+            values.extend(map.iter().map(|share| (share * 255.0).round().clamp(0.0, 255.0) as u8));
+        }
+        Heat { width, height, values }
+    }
+}
+
 impl Oracle {
     /// An oracle that knows the scene's labels.
     #[must_use]
@@ -107,23 +125,18 @@ impl Oracle {
     /// One coarse, blurred map a phrase.
     #[must_use]
     pub fn heat(&self, image: &InstanceImage, frame: u64, phrases: &[String]) -> Heat {
-        let cells = |pixels: u32| ((f64::from(pixels) / CELL_PIXELS).round() as u32).clamp(1, 1024);
-        let (width, height) = (cells(image.width), cells(image.height));
-        let visible: Vec<bool> = self.column_spans(image).iter().map(Option::is_some).collect();
-        let mut values = Vec::with_capacity(phrases.len() * (width * height) as usize);
-        for (idx, phrase) in phrases.iter().enumerate() {
-            let hot = self.hot_instances(phrase, &visible, frame, idx);
-            let mut map = shares(image, &hot, width, height);
-            for _ in 0..N_BLURS {
-                map = blurred(&map, width as usize, height as usize);
-            }
-            values.extend(map.iter().map(|share| (share * 255.0).round().clamp(0.0, 255.0) as u8));
-        }
-        Heat { width, height, values }
+        Heat::of_instances(image, &self.hot_instances(image, frame, phrases))
     }
 
-    /// For each instance, whether this frame's map of the phrase shows it.
-    fn hot_instances(&self, phrase: &str, visible: &[bool], frame: u64, idx: usize) -> Vec<bool> {
+    /// For each phrase and each instance, whether this frame's map of the phrase shows it.
+    #[must_use]
+    pub fn hot_instances(&self, image: &InstanceImage, frame: u64, phrases: &[String]) -> Vec<Vec<bool>> {
+        let visible: Vec<bool> = self.column_spans(image).iter().map(Option::is_some).collect();
+        let hot = |(idx, phrase): (usize, &String)| self.hot_for(phrase, &visible, frame, idx);
+        phrases.iter().enumerate().map(hot).collect()
+    }
+
+    fn hot_for(&self, phrase: &str, visible: &[bool], frame: u64, idx: usize) -> Vec<bool> {
         let labels: Vec<&str> = self.labels.iter().map(String::as_str).collect();
         let mut hot = nouns::meant(phrase, &labels);
         let mut random = draws(self.seed, "heat", frame.wrapping_mul(257).wrapping_add(idx as u64));

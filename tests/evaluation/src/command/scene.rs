@@ -1,0 +1,173 @@
+//! `heedway-eval scene`: trials in any scene file, a line each.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use heedway_simulator::scene::{Case, Hull, Scene};
+
+use crate::outcome::{Line, judged};
+use crate::setup::{Condition, Masks, Method, Planner, Sensing, profile};
+use crate::trial::{Run, Task};
+
+/// Arguments of `heedway-eval scene`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// The scene, a JSON file with its meshes beside it.
+    file: PathBuf,
+    /// Which case: its number in the file, from 0, or its kind; the first one with a rule when not given.
+    #[arg(long, value_name = "K", conflicts_with_all = ["say", "no_rule"])]
+    case: Option<String>,
+    /// Other words; judged by the case that says the same, and by obstacles alone when none does.
+    #[arg(long, value_name = "TEXT", conflicts_with = "no_rule")]
+    say: Option<String>,
+    /// Says nothing.
+    #[arg(long)]
+    no_rule: bool,
+    /// Who keeps the rules.
+    #[arg(long, value_enum, default_value_t = Method::SmoothBlending)]
+    method: Method,
+    /// What the planner sees.
+    #[arg(long, value_enum, default_value_t = Planner::Rules)]
+    planner: Planner,
+    /// How well the robot senses.
+    #[arg(long, value_enum, default_value_t = Sensing::Perfect)]
+    sensing: Sensing,
+    /// Number of trials; the seed counts up.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    trials: u64,
+    /// Seed of the first trial: start, noise, samples.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Writes `results.jsonl` and each path here.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// One JSON object a line, and nothing else, on standard output.
+    #[arg(long)]
+    json: bool,
+    /// Each side of the camera's images is divided by this: faster, and coarser.
+    #[arg(long, default_value_t = 1)]
+    camera_divisor: u32,
+}
+
+/// What is said in a trial, and what judges it.
+struct Words<'a> {
+    name: String,
+    say: Option<&'a str>,
+    case: Option<&'a Case>,
+}
+
+/// Plays the trials.
+///
+/// # Errors
+/// When the scene cannot be read, there is no such case, or a file cannot be written.
+pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
+    let profile = profile(1)?;
+    let hull = Hull { radius_m: profile.radius_m, height_m: profile.height_m };
+    let scene = Scene::load(&arguments.file, hull)?;
+    let words = words(arguments, &scene)?;
+    if let Some(folder) = &arguments.out {
+        std::fs::create_dir_all(folder).with_context(|| format!("create {} (--out)", folder.display()))?;
+    }
+    let mut lines = Vec::new();
+    for k in 0..arguments.trials {
+        let condition = Condition {
+            method: arguments.method,
+            planner: arguments.planner,
+            sensing: arguments.sensing,
+            masks: Masks::Models,
+            filter_off: false,
+            seed: arguments.seed.wrapping_add(k),
+            camera_divisor: arguments.camera_divisor,
+        };
+        let task = Task { scene: &scene, say: words.say, case: words.case, condition };
+        let (line, run) = judged(&task, &words.name)?;
+        tell(arguments, &line)?;
+        if let Some(folder) = &arguments.out {
+            let name = format!("{}-{}-{}.csv", line.scene, line.method.word(), line.seed);
+            std::fs::write(folder.join(&name), path_csv(&run)).with_context(|| format!("write {name}"))?;
+            let name = name.replace(".csv", "-regions.json");
+            let regions = serde_json::to_string(&run.regions)?;
+            std::fs::write(folder.join(&name), regions).with_context(|| format!("write {name}"))?;
+        }
+        lines.push(line);
+    }
+    if let Some(folder) = &arguments.out {
+        let texts = lines.iter().map(serde_json::to_string).collect::<Result<Vec<_>, _>>()?;
+        std::fs::write(folder.join("results.jsonl"), texts.join("\n") + "\n")
+            .context("write results.jsonl")?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn words<'a>(arguments: &'a Arguments, scene: &'a Scene) -> anyhow::Result<Words<'a>> {
+    if arguments.no_rule {
+        return Ok(Words { name: "no-rule".into(), say: None, case: None });
+    }
+    if let Some(say) = &arguments.say {
+        let case = scene.cases.iter().find(|case| plain(&case.say) == plain(say));
+        return Ok(Words { name: say.clone(), say: Some(say), case });
+    }
+    let wanted = |(idx, case): &(usize, &Case)| match &arguments.case {
+        Some(key) => *key == idx.to_string() || *key == case.kind,
+        None => !case.rules.is_empty(),
+    };
+    match scene.cases.iter().enumerate().find(wanted) {
+        Some((idx, case)) => {
+            Ok(Words { name: format!("{idx}:{}", case.kind), say: Some(&case.say), case: Some(case) })
+        }
+        None => {
+            let n_cases = scene.cases.len();
+            let asked = arguments.case.as_deref().unwrap_or("with a rule");
+            bail!("scene {:?} has no case {asked}, its {n_cases} cases count from 0", scene.name)
+        }
+    }
+}
+
+/// Words without case and punctuation.
+fn plain(text: &str) -> String {
+    let kept: String = text.chars().filter(|c| c.is_alphanumeric() || c.is_whitespace()).collect();
+    kept.to_lowercase().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn tell(arguments: &Arguments, line: &Line) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    if arguments.json {
+        writeln!(out, "{}", serde_json::to_string(line)?)?;
+    } else {
+        writeln!(
+            out,
+            "{} {} {} seed {}: {:?}, {:.1} s, {:.1} m, clearance {:.3} m, broken {:.2} s by {:.3} m {}",
+            line.scene,
+            line.case,
+            line.method.word(),
+            line.seed,
+            line.outcome,
+            line.time_s,
+            line.path_m,
+            line.least_clearance_m,
+            line.violation_s,
+            line.violation_depth_m,
+            line.why
+        )?;
+    }
+    out.flush().context("standard output")
+}
+
+fn path_csv(run: &Run) -> String {
+    let mut text = "time_s,x_m,y_m,speed_m_s,filter\n".to_owned();
+    for point in &run.path {
+        let at = point.position_map;
+        text += &format!(
+            "{:.2},{:.4},{:.4},{:.4},\"{}\"\n",
+            point.time_s,
+            at.x,
+            at.y,
+            point.speed_m_s,
+            point.filter.replace('"', "'")
+        );
+    }
+    text
+}

@@ -1,0 +1,7 @@
+//! `heedway-eval`: see `heedway-eval --help`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    evaluation::run()
+}
