@@ -106,7 +106,6 @@ impl Camera {
             .num_threads(n_threads)
             .thread_name(|k| format!("camera-{k}"))
             .start_handler(|_| give_way())
-        .start_handler(|_| give_way())
             .build()
             .context("start the camera's threads")?;
         Ok(Camera {
