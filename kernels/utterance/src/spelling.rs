@@ -62,7 +62,7 @@ fn noun_for(word: &str) -> Option<String> {
     // A slip changes the length by one at most, and seldom the first letter.
     let first = word.bytes().next();
     let could_be = |noun: &&String| {
-        let (one, two) = (noun.bytes().next(), noun.bytes().nth(1));
+        let (one, two) = (noun.bytes().next(), noun.as_bytes().get(1).copied());
         noun.len().abs_diff(word.len()) <= 1 && (one == first || two == first)
     };
     Nouns::get().common().iter().filter(could_be).find(|noun| is_slip(word, noun)).cloned()
