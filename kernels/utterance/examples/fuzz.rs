@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p heedway-utterance --example fuzz -- 1000000 7` (how many, and the seed). Three
 //! kinds: words of the tests' sentences shuffled, sentences cut and glued, and characters of all sorts.
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout, clippy::disallowed_methods, reason = "it measures and prints")]
 
 use std::time::Instant;
 

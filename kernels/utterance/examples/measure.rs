@@ -1,7 +1,7 @@
 //! How long a parse takes: the tests' sentences, and texts of 500 characters.
 //!
 //! `cargo run --release -p heedway-utterance --example measure`; prints microseconds, judges nothing.
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout, clippy::disallowed_methods, reason = "it measures and prints")]
 
 use std::error::Error;
 use std::time::Instant;

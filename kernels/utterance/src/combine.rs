@@ -3,6 +3,8 @@
 //! A clause is one order with its condition. Names and places without an order of their own go to
 //! the neighbour they belong to; stories are remembered for what they mention and otherwise let be.
 
+mod fragment;
+
 use crate::clause::{
     Clause, Clauses, EXCLUSIONS, TALK, has_strong_order, is_limit, is_order, is_other, is_story,
 };
@@ -377,129 +379,6 @@ impl Joiner {
         false
     }
 
-    /// A stretch without an order, task or story.
-    fn fragment(&mut self, mut draft: Draft) {
-        // "play hide and seek", "bring tea and biscuits": more of the task.
-        let of_task = self.last == Last::Other
-            && matches!(draft.join, Some(Join::And | Join::Or))
-            && draft.quantities.is_empty()
-            && draft.leftover.is_empty()
-            && draft.senses.is_empty();
-        if of_task {
-            self.out.others.push(draft);
-            return;
-        }
-        self.out.leftover.append(&mut draft.leftover);
-        if draft.is_crowded {
-            self.out.leftover.push(draft.words.clone());
-        }
-        if let Some(when) = draft.unobservable.take() {
-            self.note_down(when);
-        }
-        if draft.words.is_empty() {
-            return;
-        }
-        let goes_on = matches!(draft.join, Some(Join::And | Join::Or | Join::Comma | Join::Bare | Join::But));
-        if draft.ttl_s.is_some() && draft.names.is_empty() && draft.regions.is_empty() {
-            match self.out.orders.last_mut().filter(|_| goes_on || self.last == Last::Order) {
-                Some(clause) if clause.draft.ttl_s.is_none() => clause.draft.ttl_s = draft.ttl_s,
-                Some(_) => self.out.leftover.push(draft.words.clone()),
-                None => self.waiting_ttl_s = draft.ttl_s,
-            }
-            return;
-        }
-        if self.last == Last::Order
-            && !draft.quantities.is_empty()
-            && draft.names.is_empty()
-            && draft.regions.is_empty()
-        {
-            let clause = Clause { draft, ..Clause::default() };
-            if !self.joined_to_last(&clause) {
-                self.order(clause.draft);
-            }
-            return;
-        }
-        if draft.has(Sense::AsWell) && !draft.names.is_empty() && self.last != Last::Order {
-            return self.order(draft);
-        }
-        if !draft.quantities.is_empty()
-            || draft.has_any(&[
-                Sense::Last,
-                Sense::AllRules,
-                Sense::OneOf,
-                Sense::RuleNoun,
-                Sense::Everywhere,
-                Sense::AsWell,
-            ]) && draft.names.is_empty()
-        {
-            let empty =
-                draft.quantities.is_empty() && draft.has(Sense::Everywhere) && self.last == Last::Order;
-            if empty {
-                return;
-            }
-            return self.order(draft);
-        }
-        self.names_or_places(draft, goes_on);
-    }
-
-    fn names_or_places(&mut self, draft: Draft, goes_on: bool) {
-        self.mentioned.extend(draft.all_names().filter(|name| !name.is_pronoun).cloned());
-        self.forget_old_mentions();
-        if draft.names.is_empty() && draft.regions.is_empty() && draft.except.is_empty() {
-            return;
-        }
-        if goes_on && self.last == Last::Reason && !draft.names.is_empty() && draft.regions.is_empty() {
-            return;
-        }
-        let ttl_s = draft.ttl_s;
-        if let (true, Last::Order, Some(clause)) = (goes_on, self.last, self.out.orders.last_mut()) {
-            let only_names = draft.regions.is_empty();
-            // "the stools for 20 min and the stage for an hour": each its own time.
-            if only_names && ttl_s.is_some() && clause.draft.ttl_s.is_some_and(|old| Some(old) != ttl_s) {
-                let mut again = clause.clone();
-                again.draft.regions.truncate(1);
-                again.draft.names.clear();
-                match again.draft.regions.last_mut() {
-                    Some(region) if clause.draft.names.is_empty() => region.names = draft.names,
-                    _ => again.draft.names = draft.names,
-                }
-                again.draft.ttl_s = ttl_s;
-                self.out.orders.push(again);
-                return;
-            }
-            if !draft.except.is_empty() {
-                clause.draft.except.extend(draft.except);
-            }
-            if only_names && !clause.draft.except.is_empty() && !draft.names.is_empty() {
-                clause.draft.except.extend(draft.names);
-            } else if only_names {
-                extend_names(&mut clause.draft, draft.names);
-            } else if clause.draft.regions.is_empty() && clause.draft.names.is_empty() {
-                clause.draft.regions = draft.regions;
-            } else {
-                // "or over the cables": the same order at another place.
-                let mut again = clause.clone();
-                again.draft.regions = draft.regions;
-                again.draft.names = draft.names;
-                again.draft.quantities.retain(|q| q.kind != Kind::Distance || is_limit(&clause.draft));
-                self.out.orders.push(again);
-            }
-            if let Some(clause) = self.out.orders.last_mut() {
-                clause.draft.ttl_s = clause.draft.ttl_s.or(ttl_s);
-            }
-            return;
-        }
-        if let (true, Last::Condition, Some(condition)) = (goes_on, self.last, self.condition.as_mut()) {
-            extend_names(condition, draft.names);
-            return;
-        }
-        self.waiting_names.extend(draft.names);
-        self.waiting_regions.extend(draft.regions);
-        self.waiting_except.extend(draft.except);
-        self.waiting_ttl_s = self.waiting_ttl_s.or(ttl_s);
-        self.last = Last::Names;
-    }
-
     fn finish(mut self) -> Clauses {
         if let Some(condition) = self.condition.take() {
             match self.out.orders.last_mut() {
@@ -534,12 +413,5 @@ impl Joiner {
             }
         }
         self.out
-    }
-}
-
-fn extend_names(draft: &mut Draft, names: Vec<Name>) {
-    match draft.regions.last_mut() {
-        Some(region) if draft.names.is_empty() => region.names.extend(names),
-        _ => draft.names.extend(names),
     }
 }

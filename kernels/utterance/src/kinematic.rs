@@ -123,7 +123,9 @@ fn activations(draft: &Draft, near_m: f64) -> Result<Vec<Activation>, Trouble> {
 /// [`Trouble`] when it is unclear where.
 pub fn intent(draft: &Draft, profile: &Profile, intent: Intent) -> Result<Vec<Rule>, Trouble> {
     let said = limit_of(draft, profile).unwrap_or_else(|_| Limit::default());
-    let limit = if said.is_said() { said } else { Limit::careful(profile) };
+    // "quiet near the bed, turn at most 0.3 rad/s" says nothing of the speed: care does.
+    let careful = Limit::careful(profile);
+    let limit = if said.is_said() { said.with_speed_of(careful) } else { careful };
     if draft.names.is_empty() && draft.regions.is_empty() {
         return Ok(vec![limited(Rule::kinematic(Relation::Global, ""), draft, &limit)]);
     }

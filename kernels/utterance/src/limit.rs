@@ -31,6 +31,15 @@ impl Limit {
         }
     }
 
+    /// The same with a speed limit: its own, or else that of `other`.
+    #[must_use]
+    pub fn with_speed_of(self, other: Limit) -> Limit {
+        match self.vel_max {
+            Some(_) => self,
+            None => Limit { vel_max: other.vel_max, vel_filled_in: other.vel_filled_in, ..self },
+        }
+    }
+
     /// Whether a number was said.
     #[must_use]
     pub fn is_said(&self) -> bool {

@@ -59,7 +59,13 @@ pub fn put_right(tokens: &[Token]) -> Option<(Vec<Token>, Vec<Slip>)> {
 }
 
 fn noun_for(word: &str) -> Option<String> {
-    Nouns::get().common().iter().find(|noun| is_slip(word, noun)).cloned()
+    // A slip changes the length by one at most, and seldom the first letter.
+    let first = word.bytes().next();
+    let could_be = |noun: &&String| {
+        let (one, two) = (noun.bytes().next(), noun.as_bytes().get(1).copied());
+        noun.len().abs_diff(word.len()) <= 1 && (one == first || two == first)
+    };
+    Nouns::get().common().iter().filter(could_be).find(|noun| is_slip(word, noun)).cloned()
 }
 
 fn trigger_for(word: &str) -> Option<String> {

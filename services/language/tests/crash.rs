@@ -1,7 +1,12 @@
 //! Kills at any instant: the journal and the audit log of a process that is killed while it writes.
 //!
 //! The writer is this test's own binary, started again. It says each version once it is on the disk.
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may fail loudly")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    reason = "a test may fail loudly"
+)]
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;

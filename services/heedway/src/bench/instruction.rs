@@ -4,12 +4,12 @@
 //! figures and judges none.
 
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::Args;
 use proto::{Instruction, InstructionReply, RulesHeld, topics};
-use service::{Bus, Inbox, Publisher};
+use service::{Bus, Clock, Inbox, Publisher};
 
 use crate::carry::ServiceName;
 use crate::fleet::{Fleet, FleetOptions};
@@ -95,7 +95,8 @@ async fn one(
     id: &str,
     text: &str,
 ) -> anyhow::Result<(Duration, Duration)> {
-    let said = Instant::now();
+    let clock = Clock::start();
+    let said = clock.now();
     words.put(&Instruction { id: id.to_owned(), ..Instruction::plain(text) })?;
     let mut replied: Option<(Duration, u64)> = None;
     let mut version_held = 0;
@@ -104,12 +105,12 @@ async fn one(
         loop {
             match inbox.next().await {
                 Heard::Reply(reply) if reply.id == id => {
-                    replied = Some((said.elapsed(), reply.rules_version))
+                    replied = Some((clock.now().since(said), reply.rules_version))
                 }
                 Heard::Held(held) if held.service == ServiceName::Filter.as_str() => {
                     // The first word of a version counts; it is repeated.
                     if held.version > version_held {
-                        (version_held, held_at) = (held.version, said.elapsed());
+                        (version_held, held_at) = (held.version, clock.now().since(said));
                     }
                 }
                 _ => {}
