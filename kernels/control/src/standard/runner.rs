@@ -118,10 +118,33 @@ impl<'s> StandardFilter<'s> {
         let [x, y, yaw, v, rate, accel] = state;
         let start = [x, y, yaw, v];
         let here = self.score_full(start);
-        for idx in 0..self.scores.len() {
-            self.scores[idx] = self.score_full(after(start, self.scene.primitives[idx]));
+        let needed = least_enough(here);
+        let scene = self.scene;
+        let mut none_is_enough = true;
+        for (idx, primitive) in scene.primitives.iter().enumerate() {
+            let next = after(start, *primitive);
+            let (low, high) = self.bounds_full(next, false);
+            // On which side of what is needed the score lies must be certain, and where it is does not matter.
+            self.scores[idx] = if low >= needed {
+                low
+            } else if high < needed {
+                high
+            } else {
+                self.score_full(next)
+            };
+            none_is_enough &= self.scores[idx] < needed;
         }
-        let primitive_idx = chosen(&self.scores, here, &self.scene.primitives, [rate, accel]);
+        if none_is_enough {
+            // The largest score is asked for: those that may be it are computed to the last bit.
+            let mut most = f64::NEG_INFINITY;
+            for (idx, primitive) in scene.primitives.iter().enumerate() {
+                if self.scores[idx] >= most {
+                    self.scores[idx] = self.score_full(after(start, *primitive));
+                    most = most.max(self.scores[idx]);
+                }
+            }
+        }
+        let primitive_idx = chosen(&self.scores, here, &scene.primitives, [rate, accel]);
         Choice { v_m: here, primitive_idx }
     }
 
@@ -152,9 +175,15 @@ impl<'s> StandardFilter<'s> {
 
     /// The score of a state with every rollout finished, exactly.
     pub fn score_full(&mut self, start: Pose) -> f64 {
+        self.bounds_full(start, true).0
+    }
+
+    /// Bounds of the score of a state with every rollout finished: the same, when it is to be exact.
+    fn bounds_full(&mut self, start: Pose, is_exact: bool) -> (f64, f64) {
         let cap = self.most(start);
         self.scratch.incumbent.fill([0.0, -ACCEL_M_S2_MAX]);
-        let mut best = f64::NEG_INFINITY;
+        let none = f64::NEG_INFINITY;
+        let mut bounds = (none, none);
         for round in 0..self.sampling.n_rounds {
             self.draw(round);
             self.perturb(round, start);
@@ -173,16 +202,24 @@ impl<'s> StandardFilter<'s> {
             });
             self.scratch.lanes.clear();
             self.scratch.lanes.extend(0..n_samples);
+            let is_last = round + 1 == n_rounds;
             // Exact values matter in the last round, and where two samples of another are too close to call.
-            match self.lone_best().filter(|_| round + 1 < n_rounds) {
+            match self.lone_best().filter(|_| !is_last) {
                 Some(lane) => self.hold(round, lane),
-                None if round + 1 < n_rounds => {
-                    self.settle(round, start, (cap, cap), f64::NEG_INFINITY);
+                None if is_last && !is_exact => {
+                    let Scratch { kept_m, .. } = &self.scratch;
+                    let most =
+                        f64::from(kept_m[..n_samples].iter().copied().fold(f32::NEG_INFINITY, f32::max));
+                    let (rounding, error) = (f64::from(ROUNDING_M), f64::from(self.error_m));
+                    bounds = ((most - rounding).min(cap), (most + error).min(cap));
                 }
-                None => best = self.settle(round, start, (cap, cap), f64::NEG_INFINITY),
+                None => {
+                    let best = self.settle(round, start, (cap, cap), none);
+                    bounds = (best, best);
+                }
             }
         }
-        best
+        bounds
     }
 
     /// The swept lane that is best for sure.

@@ -88,8 +88,7 @@ fn numbers(
     }
     let values: Vec<f32> =
         bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    // Written so that NaN fails.
-    match values.iter().position(|v| !(v.abs() <= 1e5)) {
+    match values.iter().position(|v| v.is_nan() || v.abs() > 1e5) {
         Some(idx) => Err(SceneError::Number { what, idx }),
         None => Ok(values),
     }

@@ -54,7 +54,7 @@ fn scene(seed: u64, n_side: usize, n_layers: usize) -> Scene {
             chance.random_range(-2.0..2.0),
         ];
         // One in six anywhere, in violation too.
-        if scene.states.len() % 6 == 0 || oracle::margin(&scene, [x, y, 0.0, 0.0], 0.0) > 0.0 {
+        if scene.states.len().is_multiple_of(6) || oracle::margin(&scene, [x, y, 0.0, 0.0], 0.0) > 0.0 {
             scene.states.push(state);
         }
     }
