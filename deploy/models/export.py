@@ -152,7 +152,21 @@ def random_models(folder, seed, tiny):
     config = transformers.Mask2FormerConfig(
         backbone_config=backbone, num_labels=8 if tiny else 133, **(sizes if tiny else {})
     )
-    return clipseg, eager(transformers.Mask2FormerForUniversalSegmentation, config), end
+    mask2former = eager(transformers.Mask2FormerForUniversalSegmentation, config)
+    spread(mask2former)
+    return clipseg, mask2former, end
+
+
+def spread(mask2former):
+    """Random queries are all alike: one segment would hide every slip in what is done with the others."""
+    with torch.no_grad():
+        for name, weight in mask2former.named_parameters():
+            if "queries_" in name:
+                weight.copy_(torch.randn_like(weight))
+            elif name == "class_predictor.weight":
+                weight.copy_(torch.randn_like(weight) * 0.3)
+            elif "mask_embedder" in name and name.endswith("weight"):
+                weight.copy_(torch.randn_like(weight) * 0.4)
 
 
 def eager(kind, config, weights=None):

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use clap::Args;
 use geometry::Profile;
 use heedway_perception::ground::{self, N_FRAMES_FEW};
@@ -31,8 +31,8 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Where things fall, in the recording's world; without it, the floor in view tells.
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_delimiter = ',', num_args = 3)]
-    gravity: Option<Vec<f64>>,
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = direction)]
+    gravity: Option<Direction>,
     /// The robot's profile; its height tells what is beneath. Without it, a TurtleBot 2.
     #[arg(long, value_name = "FILE")]
     profile: Option<PathBuf>,
@@ -43,6 +43,16 @@ pub struct Arguments {
     /// ten frames, else 2.
     #[arg(long)]
     agreeing: Option<u32>,
+}
+
+/// A direction as it is written on the command line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Direction([f64; 3]);
+
+fn direction(text: &str) -> Result<Direction, String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|word| word.trim().parse::<f64>()).collect();
+    let numbers: Option<[f64; 3]> = numbers.ok().and_then(|n| n.try_into().ok());
+    numbers.map(Direction).ok_or_else(|| format!("{text:?} must be three numbers, as in 0,0,-1"))
 }
 
 /// Grounds the rules and prints a line for each.
@@ -63,12 +73,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let agreeing = arguments.agreeing.unwrap_or(if n_frames < N_FRAMES_FEW { 1 } else { 2 });
     let settings = Settings { n_masks_agreeing: agreeing, ..Settings::default() };
     service::Settings::check(&settings, &profile).map_err(|e| anyhow::anyhow!("{e}"))?;
-    let gravity = arguments.gravity.as_deref().map(<[f64; 3]>::try_from).transpose();
     let options = ground::Options {
         rgbd: arguments.rgbd.clone(),
         out: arguments.out.clone(),
         rules: read.rules,
-        gravity: gravity.context("--gravity takes three numbers")?,
+        gravity: arguments.gravity.map(|direction| direction.0),
         profile,
         settings,
         n_frames_max: arguments.frames,
@@ -98,4 +107,17 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 #[allow(clippy::print_stdout, reason = "the command's result goes to standard output")]
 fn say(line: &str) {
     println!("{}", line.trim_end_matches([' ', ';']));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direction_is_three_numbers() {
+        assert_eq!(direction("0,-1, 0.5"), Ok(Direction([0.0, -1.0, 0.5])));
+        for odd in ["", "1,2", "1,2,3,4", "down", "1,2,x"] {
+            assert!(direction(odd).is_err_and(|words| words.contains("three numbers")), "{odd}");
+        }
+    }
 }

@@ -12,8 +12,11 @@ use geometry::Profile;
 use heedway_perception::ground::summary::{RuleSummary, Summary};
 use heedway_perception::ground::{Options, run};
 use heedway_perception::semantics::Settings;
+use heedway_perception::semantics::models::COCO;
 use heedway_perception::semantics::models::configured::LocalModels;
 use heedway_perception::semantics::models::folder::{library_for, yolo_in};
+use heedway_perception::semantics::models::runtime::Runtime;
+use heedway_perception::semantics::models::yolo::Yolo;
 use proto::Grounding;
 use rules::{Relation, Rule};
 
@@ -140,4 +143,27 @@ fn one_frame_is_enough_and_what_no_model_knows_stays_ungrounded() {
     // The couch is behind the table in this frame, or not found; it is never said to be the red one.
     assert_ne!(sofa.grounding, Grounding::Grounded);
     assert_eq!((dog.grounding, dog.region.is_none()), (Grounding::Searching, true));
+}
+
+#[test]
+fn a_smaller_member_of_the_family_with_other_shapes_sees_the_same_chairs() {
+    if models().is_none() {
+        return;
+    }
+    let runtime = Runtime::load(&library_for(Path::new(MODELS))).unwrap();
+    let labels: Vec<String> = COCO.lines().map(str::to_owned).collect();
+    let picture = image::open(Path::new(RECORDING).join("color_1.png")).unwrap().into_rgb8();
+    let chairs = |file: &str| -> Vec<Vec<bool>> {
+        let model = runtime.open(&Path::new(MODELS).join(file)).unwrap();
+        let all = Yolo::new(model, labels.clone(), 0.4).unwrap().instances(&picture).unwrap();
+        all.into_iter().filter(|i| labels[i.class_idx] == "chair").map(|i| i.mask).collect()
+    };
+    let (large, small) = (chairs("yolov7-seg-640x480-w8.onnx"), chairs("yolov8n-seg-w8.onnx"));
+    assert!(large.len() >= 6 && small.len() >= 4, "{} and {}", large.len(), small.len());
+    let iou = |a: &[bool], b: &[bool]| {
+        let both = a.iter().zip(b).filter(|(a, b)| **a && **b).count() as f64;
+        both / a.iter().zip(b).filter(|(a, b)| **a || **b).count().max(1) as f64
+    };
+    let n_same = small.iter().filter(|s| large.iter().any(|l| iou(s, l) > 0.6)).count();
+    assert!(n_same >= 3, "{n_same} of {} chairs are the same", small.len());
 }

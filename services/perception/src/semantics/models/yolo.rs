@@ -319,3 +319,73 @@ impl Prototypes {
         upper + share_y * (lower - upper)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candidate(class_idx: usize, score: f32, left: f32, right: f32) -> Candidate {
+        let coefficients = vec![1.0, -0.5];
+        Candidate { class_idx, score, left, top: 0.0, right, bottom: 10.0, coefficients }
+    }
+
+    #[test]
+    fn doubles_of_one_class_are_one_object_and_neighbours_are_not() {
+        let kept = distinct(vec![
+            candidate(1, 0.5, 0.0, 10.0),
+            candidate(1, 0.9, 1.0, 10.0),
+            candidate(2, 0.4, 0.0, 10.0),
+            candidate(1, 0.7, 6.0, 16.0),
+        ]);
+        let kept: Vec<(usize, f32)> = kept.iter().map(|c| (c.class_idx, c.score)).collect();
+        assert_eq!(kept, [(1, 0.9), (1, 0.7), (2, 0.4)]);
+    }
+
+    #[test]
+    fn a_mask_is_where_its_prototypes_say_and_ends_at_its_box() {
+        let layout = Layout {
+            order: Order::Planes,
+            width: 16,
+            height: 16,
+            n_classes: 1,
+            has_objectness: false,
+            is_by_candidate: true,
+            n_coefficients: 2,
+            is_by_plane: true,
+            boxes_first: true,
+        };
+        // The first plane is positive on the left half, the second is small everywhere.
+        let plane: Vec<f32> = (0..16).map(|idx| if idx % 4 < 2 { 1.0 } else { -1.0 }).collect();
+        let values = plane.into_iter().chain(vec![0.1; 16]).collect();
+        let protos = Prototypes::new(&Floats { shape: vec![1, 2, 4, 4], values }, &layout).unwrap();
+        let place = Letterbox { scale: 2.0, left: 0.0, top: 0.0 };
+        let mask = protos.mask(&candidate(0, 0.9, 4.0, 16.0), &layout, place, (8, 8));
+        let row: Vec<usize> = (0..8).filter(|col| mask[*col]).collect();
+        // Of eight columns the left four are positive; the box begins at the third and ends at row five.
+        assert_eq!(row, [2, 3]);
+        assert_eq!((mask[4 * 8 + 2], mask[5 * 8 + 2]), (true, false));
+    }
+
+    #[test]
+    fn prototypes_by_pixel_and_by_plane_are_the_same() {
+        let layout = |is_by_plane| Layout {
+            order: Order::Pixels,
+            width: 8,
+            height: 8,
+            n_classes: 1,
+            has_objectness: true,
+            is_by_candidate: false,
+            n_coefficients: 2,
+            is_by_plane,
+            boxes_first: true,
+        };
+        let by_plane =
+            Floats { shape: vec![1, 2, 2, 2], values: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0] };
+        let by_pixel =
+            Floats { shape: vec![1, 2, 2, 2], values: vec![1.0, 5.0, 2.0, 6.0, 3.0, 7.0, 4.0, 8.0] };
+        let one = Prototypes::new(&by_plane, &layout(true)).unwrap();
+        assert_eq!(one.planes, Prototypes::new(&by_pixel, &layout(false)).unwrap().planes);
+        let odd = Floats { shape: vec![1, 3, 2, 2], values: vec![0.0; 12] };
+        assert!(Prototypes::new(&odd, &layout(true)).is_err());
+    }
+}
