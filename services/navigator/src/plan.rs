@@ -109,13 +109,17 @@ fn in_words(no_path: &NoPath, keep_out: &[KeepOut]) -> String {
 }
 
 fn costmap(job: &PlanJob, profile: &Profile) -> Result<Costmap, GridError> {
-    let layout = layout_of(&job.base.layout)?;
-    let known = job.base.cells.iter().map(|cell| match cell {
-        1 => Occupancy::Free,
-        2 => Occupancy::Occupied,
-        _ => Occupancy::Unknown,
-    });
-    let mut base = Grid::from_values(layout, known.collect())?;
+    let known = layout_of(&job.base.layout)?;
+    let (layout, shift) = with_goal(&known, job.goal_map)?;
+    let mut base = Grid::filled(layout, Occupancy::Unknown);
+    for (cell, value) in known.cells().zip(&job.base.cells) {
+        let value = match value {
+            1 => Occupancy::Free,
+            2 => Occupancy::Occupied,
+            _ => Occupancy::Unknown,
+        };
+        base.set(Cell { col: cell.col + shift.col, row: cell.row + shift.row }, value);
+    }
     if let Some(depth) = &job.depth {
         mark(depth, &layout, |cell| base.set(cell, Occupancy::Occupied));
     }
@@ -123,6 +127,32 @@ fn costmap(job: &PlanJob, profile: &Profile) -> Result<Costmap, GridError> {
     let zones: Vec<(&DistanceField, f64)> =
         fields.iter().zip(&job.keep_out).map(|(field, zone)| (field, zone.buffer_m)).collect();
     Ok(Costmap::new(&base, &zones, job.clearance_m, profile))
+}
+
+/// Room around a goal that lies off the map, metres: the hull's way around whatever stands just before it.
+const AROUND_GOAL_M: f64 = 1.0;
+/// A goal farther off the map than this is not planned to, metres: the grid would be too large for a plan in time.
+const OFF_MAP_M_MAX: f64 = 50.0;
+
+/// The map's layout, grown to the goal, and where the map's first cell lies in it: what was never seen may well be
+/// floor, and a goal in the next room must not have to wait for the map to get there.
+fn with_goal(known: &Layout, goal_map: Point2) -> Result<(Layout, Cell), GridError> {
+    let (low, high) = (known.origin, known.far_corner());
+    let beyond_m = |low_m: f64, high_m: f64, goal_m: f64| {
+        let is_near = goal_m >= low_m - OFF_MAP_M_MAX && goal_m <= high_m + OFF_MAP_M_MAX;
+        let grow_m = |m: f64| if is_near && m > 0.0 { m + AROUND_GOAL_M } else { 0.0 };
+        (grow_m(low_m - goal_m), grow_m(goal_m - high_m))
+    };
+    let n_cells = |m: f64| (m / known.resolution_m).ceil() as usize;
+    let (left_m, right_m) = beyond_m(low.x, high.x, goal_map.x);
+    let (below_m, above_m) = beyond_m(low.y, high.y, goal_map.y);
+    let shift = Cell { col: n_cells(left_m), row: n_cells(below_m) };
+    let to_map = Point2::new(shift.col as f64, shift.row as f64).coords * known.resolution_m;
+    let shape = Shape {
+        n_cols: known.shape.n_cols + shift.col + n_cells(right_m),
+        n_rows: known.shape.n_rows + shift.row + n_cells(above_m),
+    };
+    Ok((Layout::new(low - to_map, known.resolution_m, shape)?, shift))
 }
 
 /// Distance to a region, on the grid that is planned on.
@@ -185,6 +215,45 @@ mod tests {
         check(false, &bent, true);
         check(true, &bent, false);
         check(false, &[point(1.0, 2.0), point(2.5, 3.4), point(4.0, 2.0)], false);
+    }
+
+    #[test]
+    fn a_goal_off_the_map_is_planned_to_through_what_was_never_seen() {
+        let shape = Shape { n_cols: 60, n_rows: 40 };
+        let known = Layout::new(Point2::new(-1.0, -1.0), 0.05, shape).unwrap();
+        let (wide, shift) = with_goal(&known, Point2::new(4.0, -2.0)).unwrap();
+        assert!(wide.cell_at(Point2::new(4.0, -2.0)).is_some());
+        let kept =
+            wide.centre(Cell { col: shift.col, row: shift.row }) - known.centre(Cell { col: 0, row: 0 });
+        assert!(kept.norm() < 1e-9);
+        let layout = wire(&known);
+        let job = PlanJob {
+            goal_count: 1,
+            base: Arc::new(BaseMap {
+                header: Default::default(),
+                map_epoch: 1,
+                layout,
+                cells: vec![1; 2400],
+            }),
+            depth: None,
+            keep_out: Vec::new(),
+            start_map: Point2::origin(),
+            goal_map: Point2::new(4.0, -2.0),
+            clearance_m: 0.05,
+        };
+        let path = make(&job, &Profile::sim()).path.unwrap();
+        assert!((path.points_map.last().unwrap() - job.goal_map).norm() < 0.05);
+        let far = PlanJob { goal_map: Point2::new(400.0, 0.0), ..job };
+        assert!(make(&far, &Profile::sim()).path.unwrap_err().contains("off the map"));
+    }
+
+    fn wire(layout: &Layout) -> GridLayout {
+        GridLayout {
+            origin_map: layout.origin,
+            resolution_m: layout.resolution_m,
+            n_cols: layout.shape.n_cols as u32,
+            n_rows: layout.shape.n_rows as u32,
+        }
     }
 
     #[track_caller]

@@ -199,7 +199,8 @@ impl PartialOrd for Reached {
 
 /// The least room of the way from start to goal whose least room is largest; `None` when it is not above 0.
 fn widest(layout: Layout, start: Cell, goal: Cell, room_m: impl Fn(Cell) -> f64) -> Option<f64> {
-    let mut done = Grid::filled(layout, false);
+    let mut met = Grid::filled(layout, false);
+    met.set(start, true);
     let mut waiting = BinaryHeap::from([Reached { room_m: room_m(start), cell: start }]);
     while let Some(Reached { room_m: least_m, cell }) = waiting.pop() {
         if least_m <= 0.0 {
@@ -208,15 +209,13 @@ fn widest(layout: Layout, start: Cell, goal: Cell, room_m: impl Fn(Cell) -> f64)
         if cell == goal {
             return Some(least_m);
         }
-        if *done.get(cell) {
-            continue;
-        }
-        done.set(cell, true);
         for (d_col, d_row) in [(1_isize, 0_isize), (-1, 0), (0, 1), (0, -1)] {
             let next = cell.col.checked_add_signed(d_col).zip(cell.row.checked_add_signed(d_row));
             let Some((col, row)) = next else { continue };
             let next = Cell { col, row };
-            if col < layout.shape.n_cols && row < layout.shape.n_rows && !*done.get(next) {
+            // Cells come out by falling room: whoever meets a cell first has the best way to it.
+            if col < layout.shape.n_cols && row < layout.shape.n_rows && !*met.get(next) {
+                met.set(next, true);
                 waiting.push(Reached { room_m: least_m.min(room_m(next)), cell: next });
             }
         }

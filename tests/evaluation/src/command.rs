@@ -2,6 +2,7 @@
 
 mod check;
 mod generated;
+mod paper;
 mod scene;
 
 use std::process::ExitCode;
@@ -20,6 +21,8 @@ struct Arguments {
 enum Command {
     /// Plays trials in one scene file.
     Scene(scene::Arguments),
+    /// Plays the paper's suite.
+    Paper(paper::Arguments),
     /// Plays trials in scenes drawn from seeds.
     Generated(generated::Arguments),
     /// Checks whether the cases of scene files are worth playing.
@@ -31,6 +34,7 @@ enum Command {
 pub fn run() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Scene(arguments) => scene::run(&arguments),
+        Command::Paper(arguments) => paper::run(&arguments),
         Command::Generated(arguments) => generated::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
     };

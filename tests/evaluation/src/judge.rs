@@ -149,7 +149,7 @@ fn breach(rule: &CaseRule, zone: &Zone, moment: &Moment<'_>) -> Option<Breach> {
     speeds.into_iter().find_map(|(unit, value, limit)| {
         let excess = value - limit?;
         let words = format!("{value:.2} {unit} near {obj:?}");
-        (excess > LIMIT_TOLERANCE).then_some(Breach { depth_m: 0.0, excess, words })
+        (excess > LIMIT_TOLERANCE + 1e-9).then_some(Breach { depth_m: 0.0, excess, words })
     })
 }
 

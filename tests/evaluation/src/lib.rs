@@ -13,6 +13,7 @@ pub mod model_host;
 pub mod outcome;
 pub mod setup;
 pub mod stepped_robot;
+pub mod summary;
 pub mod system;
 pub mod trial;
 pub mod zone;

@@ -1,0 +1,118 @@
+//! A fast subset of the evaluation: it fails when a method gets worse, or when nothing could fail any more.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail loudly")]
+
+use std::path::Path;
+
+use evaluation::check::Survey;
+use evaluation::generate::{self, Sort};
+use evaluation::outcome::{Line, Outcome, judged};
+use evaluation::setup::{Condition, Masks, Method, Planner, Sensing, profile};
+use evaluation::trial::Task;
+use heedway_simulator::scene::{Hull, Scene};
+
+fn scene(name: &str) -> Scene {
+    let profile = profile(1).unwrap();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name);
+    Scene::load(&file, Hull { radius_m: profile.radius_m, height_m: profile.height_m }).unwrap()
+}
+
+fn condition(method: Method, planner: Planner, seed: u64) -> Condition {
+    Condition {
+        method,
+        planner,
+        sensing: Sensing::Perfect,
+        masks: Masks::Models,
+        filter_off: false,
+        seed,
+        camera_divisor: 4,
+    }
+}
+
+fn played(scene: &Scene, case_idx: usize, condition: Condition) -> Line {
+    let case = &scene.cases[case_idx];
+    let task = Task { scene, say: Some(&case.say), case: Some(case), condition };
+    judged(&task, &format!("{case_idx}:{}", case.kind)).unwrap().0
+}
+
+#[track_caller]
+fn check(name: &str, case_idx: usize, method: Method, wanted: Outcome) {
+    let line = played(&scene(name), case_idx, condition(method, Planner::Rules, 1));
+    assert_eq!(line.outcome, wanted, "{line:?}");
+}
+
+#[test]
+fn ours_keeps_each_kind_of_rule_and_reaches_the_goal() {
+    check("office.json", 0, Method::SmoothBlending, Outcome::Success);
+    check("home.json", 0, Method::SmoothBlending, Outcome::Success);
+    check("nursery.json", 4, Method::SmoothBlending, Outcome::Success);
+    check("office.json", 0, Method::LeastRestrictive, Outcome::Success);
+}
+
+#[test]
+fn who_is_not_told_breaks_the_rule() {
+    check("office.json", 0, Method::SafeGeom, Outcome::Semantic);
+    check("home.json", 0, Method::SafeGeom, Outcome::Semantic);
+}
+
+#[test]
+fn with_a_planner_that_knows_no_rules_the_filter_alone_keeps_them() {
+    let line = played(&scene("home.json"), 0, condition(Method::SmoothBlending, Planner::Base, 1));
+    assert_eq!((line.violation_s, line.collisions), (0.0, 0), "{line:?}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_trial() {
+    let office = scene("office.json");
+    let mut lines =
+        [1, 1, 2].map(|seed| played(&office, 0, condition(Method::SmoothBlending, Planner::Rules, seed)));
+    // The only figure that depends on the machine.
+    lines.iter_mut().for_each(|line| line.filter_us_p99 = 0);
+    assert_eq!(lines[0], lines[1]);
+    assert_ne!(lines[0].path_m, lines[2].path_m);
+}
+
+#[test]
+fn every_case_of_the_furnished_scenes_is_worth_playing() {
+    let profile = profile(1).unwrap();
+    let names = [
+        "home",
+        "corridor_flat",
+        "dining_hall",
+        "ward",
+        "shop",
+        "warehouse",
+        "pool_yard",
+        "garden",
+        "garage",
+        "nursery",
+        "studio",
+    ];
+    for name in names {
+        let scene = scene(&format!("{name}.json"));
+        let survey = Survey::new(&scene, &profile).unwrap();
+        assert_eq!(scene.cases.len(), 5, "{name}");
+        for case in &scene.cases {
+            let checked = survey.check(case);
+            assert_eq!(checked.refused, "", "{name}: {:?}", case.say);
+        }
+    }
+}
+
+#[test]
+fn a_case_that_nothing_breaks_is_refused() {
+    let profile = profile(1).unwrap();
+    let office = scene("office.json");
+    let refused = Survey::new(&office, &profile).unwrap().check(&office.cases[1]).refused;
+    assert!(refused.contains("breaks no rule clearly"), "{refused}");
+}
+
+#[test]
+fn a_seed_draws_the_same_scene_each_time_and_another_seed_another() {
+    let profile = profile(1).unwrap();
+    let text = |sort, seed| generate::scene(sort, seed, &profile).unwrap().1;
+    for sort in [Sort::Room, Sort::Cylinders] {
+        assert_eq!(text(sort, 3), text(sort, 3));
+        assert_ne!(text(sort, 3), text(sort, 4));
+    }
+}
