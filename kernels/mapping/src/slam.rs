@@ -385,6 +385,3 @@ fn find_in_wider_windows(
     let gain = if foreseen.is_odometry { SHARE_GAIN_ODOMETRY } else { SHARE_GAIN };
     Some(if far.inlier_share > near.inlier_share + gain { far } else { near })
 }
-
-#[cfg(test)]
-mod tests;
