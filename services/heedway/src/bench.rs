@@ -3,7 +3,11 @@
 use clap::Subcommand;
 
 pub mod filter;
+pub mod floor;
 pub mod instruction;
+pub mod timing;
+pub mod tsdf;
+pub mod worlds;
 
 /// What is timed.
 #[derive(Subcommand, Debug)]
@@ -12,4 +16,12 @@ pub enum Bench {
     Filter(filter::Arguments),
     /// From an instruction to the filter's acknowledgement of the rule, with all services running.
     Instruction(instruction::Arguments),
+    /// An object's TSDF, from recorded RGB-D.
+    Tsdf(tsdf::Arguments),
+    /// The distance transform of a floor.
+    Edt(floor::Arguments),
+    /// A scan's beams through the base map.
+    Raycast(floor::Arguments),
+    /// The planner's search through mazes.
+    Astar(floor::Arguments),
 }

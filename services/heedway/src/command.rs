@@ -74,6 +74,10 @@ pub fn run() -> ExitCode {
 fn timed(what: Bench) -> ExitCode {
     match what {
         Bench::Filter(arguments) => told(bench::filter::run(&arguments)),
+        Bench::Tsdf(arguments) => told(bench::tsdf::run(&arguments)),
+        Bench::Edt(arguments) => told(bench::floor::edt(&arguments)),
+        Bench::Raycast(arguments) => told(bench::floor::raycast(&arguments)),
+        Bench::Astar(arguments) => told(bench::floor::astar(&arguments)),
         Bench::Instruction(arguments) => in_runtime(bench::instruction::run(arguments)),
     }
 }

@@ -18,8 +18,8 @@ use mapping::slam::{Anchor, Slam, SlamConfig, Standing};
 use carmen::{LaserLine, LaserScan};
 use evaluation::{RelativeErrors, quantile};
 
-pub(crate) mod carmen;
-pub(crate) mod evaluation;
+mod carmen;
+mod evaluation;
 
 /// Nearer readings are of the robot itself or of nothing, metres.
 const RANGE_MIN_M: f64 = 0.05;

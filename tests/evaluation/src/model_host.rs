@@ -70,13 +70,14 @@ impl ModelHost {
                 heat_maps: answers::heat_maps(&self.oracle, &self.kept, &image, &ask.phrases)
                     .map_err(told)?,
                 segments: answers::segments(&self.oracle, &self.kept, &image).map_err(told)?,
+                understood: Vec::new(),
             })),
             Role::Truth(nouns) => {
                 let seen = self.kept.find(&image).map_err(told)?;
                 let segments = answers::segments(&self.oracle, &self.kept, &image).map_err(told)?;
                 let hot: Vec<_> = ask.phrases.iter().map(|phrase| meant(nouns, phrase)).collect();
                 let heat_maps = heat_message(image.seq, Heat::of_instances(&seen, &hot), hot.len());
-                Ok(Box::new(Answer { heat_maps, segments }))
+                Ok(Box::new(Answer { heat_maps, segments, understood: Vec::new() }))
             }
             Role::Boxes => {
                 let seen = self.kept.find(&image).map_err(told)?;
@@ -160,7 +161,7 @@ fn boxed(image: &InstanceImage, seq: u64, hot: &[Vec<bool>]) -> Answer {
         n_segments: u16::try_from(owners.len()).unwrap_or(u16::MAX),
         labels_le: Segments::label_bytes(&drawn.instances),
     };
-    Answer { heat_maps, segments }
+    Answer { heat_maps, segments, understood: Vec::new() }
 }
 
 #[cfg(test)]

@@ -111,6 +111,8 @@ impl System {
             question_timeout: setup.language.question_timeout(),
             parser: setup.language.parser,
             parse: utterance::parse,
+            // Nothing outlives a trial: there is no boot to tell from another.
+            boot: None,
         };
         let after = |ms: u64| Time::ZERO + Duration::from_millis(ms);
         Ok(System {

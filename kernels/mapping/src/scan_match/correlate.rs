@@ -23,6 +23,9 @@ const FAR_QUANTILE: f64 = 0.75;
 /// places that look the same the nearer one wins.
 const BORDER_LOSS: f32 = 0.06;
 
+/// Windows from this heading on, radians, are of somebody who is lost.
+const ANY_HEADING_RAD: f64 = 3.0;
+
 /// A place found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
@@ -89,6 +92,8 @@ struct Search<'a> {
     n_turns: i32,
     /// Cells of the points at each heading.
     cells: Vec<Vec<[i32; 2]>>,
+    /// What a place at the border loses.
+    border_loss: f32,
     /// One over the highest sum there can be.
     scale: f32,
     top: usize,
@@ -111,8 +116,11 @@ impl<'a> Search<'a> {
         };
         // A block about as large as half the window: few to begin with, and few to split.
         let top = (0..N_LEVELS).find(|level| (1 << (level + 1)) > reach).unwrap_or(N_LEVELS);
+        // Who looks at every heading has no guess that others could be off.
+        let border_loss = if window.turn_rad < ANY_HEADING_RAD { BORDER_LOSS } else { 0.0 };
         Search {
             map,
+            border_loss,
             guess,
             reach,
             turn_step_rad,
@@ -162,7 +170,7 @@ impl<'a> Search<'a> {
         let share = |low: i32| nearest(low) as f32 / self.reach as f32;
         let turn = (i32::from(heading) - self.n_turns) as f32 / self.n_turns as f32;
         let (x, y) = (share(off[0]), share(off[1]));
-        BORDER_LOSS * (x * x + y * y + turn * turn)
+        self.border_loss * (x * x + y * y + turn * turn)
     }
 
     fn place(&self, node: &Node) -> Place {

@@ -6,6 +6,8 @@ use crate::scan_match::{Cloud, MatchMap};
 
 /// Points that lie on a surface, among those that lie on one or where nothing should be; people walk about.
 const SHARE_MIN: f64 = 0.6;
+/// The same where the robot was not expected.
+const SHARE_UNEXPECTED_MIN: f64 = 0.85;
 /// And among all.
 const SHARE_OF_ALL_MIN: f64 = 0.15;
 /// With fewer points nothing can be told.
@@ -53,11 +55,14 @@ impl Agreement {
         Agreement { n_points: cloud.points().len(), n_on_surface, n_in_free }
     }
 
-    pub(crate) fn is_good(&self) -> bool {
+    /// Whether the two agree; more is asked of a place that nobody expected: most rooms look like themselves
+    /// when moved or turned a little.
+    pub(crate) fn is_good(&self, is_expected: bool) -> bool {
+        let share_min = if is_expected { SHARE_MIN } else { SHARE_UNEXPECTED_MIN };
         let n_told = (self.n_on_surface + self.n_in_free) as f64;
         let n_on_surface = self.n_on_surface as f64;
         self.n_on_surface >= N_MIN
-            && n_on_surface >= SHARE_MIN * n_told
+            && n_on_surface >= share_min * n_told
             && n_on_surface >= SHARE_OF_ALL_MIN * self.n_points as f64
     }
 }
@@ -82,8 +87,8 @@ impl Judge {
         self.n_bad
     }
 
-    pub(crate) fn hear(&mut self, agreement: &Agreement) {
-        self.n_bad = if agreement.is_good() { 0 } else { self.n_bad.saturating_add(1) };
+    pub(crate) fn hear(&mut self, is_good: bool) {
+        self.n_bad = if is_good { 0 } else { self.n_bad.saturating_add(1) };
     }
 
     /// The robot was found again.

@@ -82,6 +82,14 @@ impl Foreseen {
         }
     }
 
+    /// Whether a motion that was found is one that could be expected.
+    #[must_use]
+    pub(crate) fn expects(&self, last_from_now: &Pose2) -> bool {
+        let off = self.last_from_now.inverse() * *last_from_now;
+        off.position().coords.norm() <= N_DEVIATIONS * self.shift_m.max(SHIFT_MIN_M / N_DEVIATIONS)
+            && off.yaw_rad.abs() <= N_DEVIATIONS * self.turn_rad.max(TURN_MIN_RAD / N_DEVIATIONS)
+    }
+
     /// The largest window there is.
     #[must_use]
     pub(super) fn widest(&self) -> Window {

@@ -238,3 +238,7 @@ fn cut_plateau(scans: &mut [&mut LaserScan]) {
         scan.range_max_m = given.min(seen).max(0.1);
     }
 }
+
+#[cfg(test)]
+#[path = "carmen_tests.rs"]
+mod tests;
