@@ -200,7 +200,9 @@ pub(crate) fn first_control(
         config.epsilon_m
     };
     let limits: Limits = a.limits;
-    let library = if is_blending { primitives(nominal, capped, &limits) } else { vec![nominal] };
+    // The rules' limits are the library's range; told apart from the search, they are read off the scene.
+    let in_force = crate::scene::Scene::of(world, start, *a, &|_| false).limits_in_force();
+    let library = if is_blending { primitives(nominal, capped, &limits, &in_force) } else { vec![nominal] };
     let tail = |n: usize| {
         let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2: -limits.accel_m_s2_max };
         safest.iter().copied().chain(std::iter::repeat_n(braking, n)).skip(1).collect::<Vec<_>>()

@@ -5,7 +5,7 @@
 //! then the depth in the zones it is in, and how far the exit is at the end. Turn-then-drive motions are
 //! always among the candidates. Deliberately not here: whether to recover (`filter`).
 
-use crate::dynamics::{Control, State};
+use crate::dynamics::{Control, Limits, State};
 use crate::exit::ExitMap;
 use crate::manoeuvres::{TurnAndDrive, headings};
 use crate::plan::{Plan, Sample};
@@ -34,6 +34,8 @@ const ALONG_M: [f64; 4] = [0.2, 0.4, 0.8, 1.6];
 const UNDER_WAY_FAVOUR: f64 = 0.98;
 /// Too near an obstacle, how far beyond the tube the way back leads, metres.
 const TOO_NEAR_BEYOND_M: f64 = 0.01;
+/// Under a limit of the turn rate, the slowest that turns are planned with, rad/s.
+const TURN_RATE_RAD_S_MIN: f64 = 0.1;
 /// Lengths of the drive after the turn, metres: out of a corner, and out of a large zone.
 const DRIVES_M: [f64; 2] = [0.4, 2.0];
 
@@ -86,6 +88,9 @@ fn for_each_candidate(scene: &Scene<'_>, exits: Option<&ExitMap>, consider: &mut
     let step_s = scene.assumptions.step_s;
     let (rate_max, accel_max, speed_max) =
         (limits.yaw_rate_rad_s_max, limits.accel_m_s2_max, limits.speed_m_s_max);
+    // Who turns before driving has time to heed a limit of the turn rate.
+    let in_force = scene.limits_in_force().yaw_rate_rad_s_max.max(TURN_RATE_RAD_S_MIN);
+    let turning = Limits { yaw_rate_rad_s_max: in_force, ..limits };
     let n_stop = (limits.braking_s(scene.start.speed_m_s) / step_s).ceil() as usize + 1;
     let n_drive = (DRIVES_M[0] / speed_max / step_s).ceil() as usize;
     let mut controls = Vec::with_capacity(256);
@@ -104,7 +109,7 @@ fn for_each_candidate(scene: &Scene<'_>, exits: Option<&ExitMap>, consider: &mut
             let driving_s = sight.norm() / driving_m_s;
             for turning_m_s in [0.0, 0.3 * driving_m_s] {
                 let motion = TurnAndDrive { heading_rad, turning_m_s, driving_m_s, driving_s };
-                motion.write(scene.start, &limits, step_s, &mut controls);
+                motion.write(scene.start, &turning, step_s, &mut controls);
                 consider(&controls);
             }
         }
@@ -116,7 +121,7 @@ fn for_each_candidate(scene: &Scene<'_>, exits: Option<&ExitMap>, consider: &mut
                 let turning_m_s = turning_share * driving_m_s;
                 let driving_s = (drive_m / driving_m_s.max(0.1)).min(DRIVES_M[1] / (0.3 * speed_max));
                 let motion = TurnAndDrive { heading_rad, turning_m_s, driving_m_s, driving_s };
-                motion.write(scene.start, &limits, step_s, &mut controls);
+                motion.write(scene.start, &turning, step_s, &mut controls);
                 consider(&controls);
             }
         }
@@ -173,7 +178,8 @@ impl<'a, 'w> Judge<'a, 'w> {
     fn judge(&self, plan: &Plan, ceiling: f64) -> Option<(f64, f64)> {
         let scene = self.scene;
         let step_s = scene.assumptions.step_s;
-        let compared_s = COMPARED_S + std::f64::consts::PI / scene.assumptions.limits.yaw_rate_rad_s_max;
+        let rate_rad_s = scene.limits_in_force().yaw_rate_rad_s_max.max(TURN_RATE_RAD_S_MIN);
+        let compared_s = COMPARED_S + std::f64::consts::PI / rate_rad_s;
         let mut wrongs = Wrongs::default();
         let samples = plan.samples();
         for (k, pair) in samples.windows(2).enumerate() {

@@ -16,6 +16,8 @@ use crate::points::PointIndex;
 pub const LIMIT_TOLERANCE: f64 = 0.01;
 /// Scan hits nearer than this to a mapped obstacle belong to it, metres: scan noise plus a cell.
 const ON_MAP_M: f64 = 0.15;
+/// So near to a limit's zone it is held to before it is in force, metres.
+const AT_ONCE_M: f64 = 0.1;
 /// Farthest place a scene speaks of, metres from the start.
 const REACH_M_MAX: f64 = 7.5;
 
@@ -246,6 +248,18 @@ impl<'w> Scene<'w> {
             layer.braking_from_m_s = Some(self.start.speed_m_s);
         }
         self.limits.push(layer);
+    }
+
+    /// The robot's limits, held to those of the rules that are in force at the start or [`AT_ONCE_M`] from it.
+    pub(crate) fn limits_in_force(&self) -> Limits {
+        let near = self.limits.iter().filter(|layer| layer.start_m <= AT_ONCE_M);
+        near.fold(self.assumptions.limits, |limits, layer| Limits {
+            speed_m_s_max: limits.speed_m_s_max.min((layer.speed_m_s - LIMIT_TOLERANCE).max(0.0)),
+            yaw_rate_rad_s_max: limits
+                .yaw_rate_rad_s_max
+                .min((layer.yaw_rate_rad_s - LIMIT_TOLERANCE).max(0.0)),
+            ..limits
+        })
     }
 
     /// How near a zone's border a *sample* with this tube counts as inside, metres: what the segments that

@@ -8,9 +8,8 @@ use crate::scene::Scene;
 
 /// How long the robot must be stuck, seconds: ten ticks of the paper's 20 Hz.
 const STUCK_S: f64 = 0.5;
-/// How long the way out is followed at most, seconds: half a turn at 1 rad/s and the drive. Forty ticks
-/// would end most of the turns before the drive has begun.
-const FOLLOW_S_MAX: f64 = 5.0;
+/// Slowest turn that is a way out, rad/s: half a turn takes half a minute.
+const TURN_RATE_RAD_S_MIN: f64 = 0.1;
 /// Share of the top speed while driving out.
 const SPEED_SHARE: f64 = 0.3;
 /// Time of driving after the turn, seconds.
@@ -51,8 +50,9 @@ impl Unfreeze {
         }
         self.stuck_s = 0.0;
         let found = way_out(scene);
-        if found.is_some() {
-            self.left_s = FOLLOW_S_MAX;
+        if let Some((plan, _)) = &found {
+            // To its end: forty ticks would end most of the turns before the drive has begun.
+            self.left_s = plan.samples().len() as f64 * plan.step_s();
         }
         found
     }
@@ -60,12 +60,16 @@ impl Unfreeze {
 
 /// The certified turn-and-drive plan with the largest margin at its end.
 fn way_out(scene: &Scene<'_>) -> Option<(Plan, f64)> {
-    let (limits, step_s) = (scene.assumptions.limits, scene.assumptions.step_s);
+    let (limits, step_s) = (scene.limits_in_force(), scene.assumptions.step_s);
+    if limits.yaw_rate_rad_s_max < TURN_RATE_RAD_S_MIN {
+        return None;
+    }
     let mut controls: Vec<Control> = Vec::with_capacity(256);
     let mut best: Option<(Plan, f64, f64)> = None;
     for heading_rad in headings(scene.start) {
         for share in [1.0, 0.3] {
-            let driving_m_s = SPEED_SHARE * share * limits.speed_m_s_max;
+            let driving_m_s =
+                (SPEED_SHARE * share * scene.assumptions.limits.speed_m_s_max).min(limits.speed_m_s_max);
             let motion = TurnAndDrive { heading_rad, turning_m_s: 0.0, driving_m_s, driving_s: DRIVING_S };
             motion.write(scene.start, &limits, step_s, &mut controls);
             let plan = Plan::roll(scene.start, &controls, step_s, &limits, true);

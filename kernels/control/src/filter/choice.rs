@@ -10,12 +10,12 @@ use super::{Exits, Filter};
 use crate::certificate::{Breach, certify};
 use crate::config::Method;
 use crate::decision::{Action, Certified};
-use crate::dynamics::Control;
+use crate::dynamics::{Control, Limits};
 use crate::exit::ExitMap;
 use crate::plan::Plan;
 use crate::primitives::primitives;
 use crate::recovery::{least_harm, remaining_controls};
-use crate::scene::{Assumptions, LIMIT_TOLERANCE, Scene, Source};
+use crate::scene::{Assumptions, Scene, Source};
 use crate::score::{Runner, Search, Wanted, search};
 
 /// How long a map of the ways out is used, seconds: a flood takes milliseconds, zones change slowly.
@@ -84,7 +84,7 @@ impl Filter {
         // The nominal control is the nearest of the primitives; the others are made when it does not pass.
         let mut passed = self.continues(scene, safest, wanted, needed_m).then_some(wanted);
         if passed.is_none() && is_blending {
-            let others = primitives(wanted, capped, &scene.assumptions.limits);
+            let others = primitives(wanted, capped, &scene.assumptions.limits, &scene.limits_in_force());
             passed = others.into_iter().skip(1).find(|&first| self.continues(scene, safest, first, needed_m));
         }
         let (plan, action, v_sent_m) = match passed {
@@ -249,12 +249,8 @@ fn give_up_zones(scene: &mut Scene<'_>) {
 
 /// The nominal command held to the limits that are in force at the start.
 pub(crate) fn capped(scene: &Scene<'_>, nominal: Twist, step_s: f64) -> Control {
-    let (mut speed_m_s, mut rate_rad_s) = (f64::INFINITY, f64::INFINITY);
-    for layer in scene.limits.iter().filter(|layer| layer.start_m <= 0.1) {
-        speed_m_s = speed_m_s.min((layer.speed_m_s - LIMIT_TOLERANCE).max(0.0));
-        rate_rad_s = rate_rad_s.min((layer.yaw_rate_rad_s - LIMIT_TOLERANCE).max(0.0));
-    }
+    let Limits { speed_m_s_max, yaw_rate_rad_s_max: rate_max, .. } = scene.limits_in_force();
     let held =
-        Twist::new(nominal.speed_m_s.min(speed_m_s), nominal.yaw_rate_rad_s.clamp(-rate_rad_s, rate_rad_s));
+        Twist::new(nominal.speed_m_s.min(speed_m_s_max), nominal.yaw_rate_rad_s.clamp(-rate_max, rate_max));
     scene.assumptions.limits.control_towards(scene.start.speed_m_s, held, step_s)
 }
