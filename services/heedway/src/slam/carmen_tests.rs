@@ -30,11 +30,10 @@ fn a_flaser_line_gives_ranges_poses_and_stamp() {
 
 #[test]
 fn a_robotlaser_line_says_its_own_angles_and_range() {
-    let log =
-        "ROBOTLASER1 0 -3.14 6.28 1.57 30 0.1 0 4 1 30 2 3 2 7 8 0.2 0 0 0 0 0 0 0.1 0.2 0 0 99.5 h 1\n";
+    let log = "ROBOTLASER1 0 -3.0 6.0 0.9 30 0.1 0 4 1 30 2 3 2 7 8 0.2 0 0 0 0 0 0 0.1 0.2 0 0 99.5 h 1\n";
     let lines = read(log.as_bytes(), None).unwrap();
     let scan = scan(&lines[0]);
-    assert_eq!((scan.angle_min_rad, scan.angle_step_rad), (-3.14, 1.57));
+    assert_eq!((scan.angle_min_rad, scan.angle_step_rad), (-3.0, 0.9));
     assert!(scan.range_max_m < 30.0 && scan.range_max_m > 29.0, "{}", scan.range_max_m);
     assert_eq!((scan.stamp.as_str(), scan.laser), ("99.5", Some(Pose2::new(0.2, 0.0, 0.0))));
 }
