@@ -143,11 +143,6 @@ impl service::Settings for FilterSettings {
         if let Some(rate_hz) = self.scan_rate_hz {
             within("scan_rate_hz", rate_hz, 2.0, 100.0)?;
         }
-        // A base that jumps to its set-point is ahead of the plan by half a step; by a whole one when it is
-        // given the speed of a step later at every one of several ticks a step (see `control::certificate`).
-        let ticks_per_step = self.rate_hz * self.step_s;
-        let ahead_s = if ticks_per_step > 1.0 + 1e-9 { self.step_s } else { self.step_s / 2.0 };
-        within("disturbance.delay_s", self.disturbance.delay_s, ahead_s, 0.5)?;
         self.filter_config(profile).checked(profile).map(|_| ()).map_err(|e| match e {
             ConfigError::Range { key, value, low, high } => {
                 Invalid::new(key, value, format_args!("{low} to {high}"))
@@ -155,7 +150,12 @@ impl service::Settings for FilterSettings {
             ConfigError::CannotBrake { n_steps, needed } => {
                 Invalid::new("n_steps", n_steps, format_args!("at least {needed} to brake within"))
             }
-        })
+        })?;
+        // A base that jumps to its set-point is ahead of the plan by half a step; by a whole one when it is
+        // given the speed of a step later at every one of several ticks a step (see `control::certificate`).
+        let ticks_per_step = self.rate_hz * self.step_s;
+        let ahead_s = if ticks_per_step > 1.0 + 1e-9 { self.step_s } else { self.step_s / 2.0 };
+        within("disturbance.delay_s", self.disturbance.delay_s, ahead_s, 0.5)
     }
 }
 

@@ -15,9 +15,10 @@ use serde_json::json;
 ///
 /// Exit codes: 0 the chain holds, 1 it is broken or cannot be read.
 #[derive(Args, Debug)]
+#[command(group = clap::ArgGroup::new("log").required(true).args(["file", "config"]))]
 pub struct Arguments {
     /// The audit log.
-    #[arg(value_name = "FILE", required_unless_present = "config", conflicts_with = "config")]
+    #[arg(value_name = "FILE")]
     file: Option<PathBuf>,
     /// The language service's configuration, which names the log.
     #[arg(long, value_name = "FILE")]

@@ -164,7 +164,7 @@ struct Work {
 enum Busy {
     Idle,
     Reading(Work),
-    Recording(record::Pending),
+    Recording(Box<record::Pending>),
 }
 
 /// The language service, less the world.

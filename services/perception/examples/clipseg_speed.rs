@@ -5,7 +5,6 @@
 //! Runtime. Medians of ten, on two threads; phrases are encoded before, as on a robot.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use anyhow::Context;
 use heedway_perception::semantics::models::clipseg::ClipSeg;
@@ -13,6 +12,7 @@ use heedway_perception::semantics::models::manifest::Manifest;
 use heedway_perception::semantics::models::mask2former::Mask2Former;
 use heedway_perception::semantics::models::runtime::{Numbers, Runtime, RuntimeSettings};
 use image::RgbImage;
+use service::Clock;
 
 const N_RUNS: usize = 10;
 const PHRASES: [&str; 5] = ["chair", "the red sofa", "table", "the crib", "rug by the window"];
@@ -60,11 +60,12 @@ fn main() -> anyhow::Result<()> {
 
 fn median_ms(mut work: impl FnMut() -> anyhow::Result<()>) -> anyhow::Result<f64> {
     work()?;
+    let clock = Clock::start();
     let mut all = Vec::with_capacity(N_RUNS);
     for _ in 0..N_RUNS {
-        let since = Instant::now();
+        let since = clock.now();
         work()?;
-        all.push(since.elapsed().as_secs_f64() * 1e3);
+        all.push(clock.now().since(since).as_secs_f64() * 1e3);
     }
     all.sort_by(f64::total_cmp);
     all.get(N_RUNS / 2).copied().context("no run")

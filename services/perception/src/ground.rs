@@ -5,11 +5,11 @@
 //! from the floor in view, or from the caller. Not here: parsing words, opening models.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use anyhow::{Context, ensure};
 use geometry::Profile;
 use rules::Rule;
+use service::Clock;
 
 use crate::recording::Recording;
 use crate::semantics::Settings;
@@ -125,9 +125,10 @@ where
         }
     };
     let rgb = frame.rgb.clone();
-    let since = Instant::now();
+    let clock = Clock::start();
+    let since = clock.now();
     let Looked { found, trouble } = replay.show(frame);
-    summary.ms = since.elapsed().as_secs_f64() * 1e3;
+    summary.ms = clock.now().since(since).as_secs_f64() * 1e3;
     if !trouble.is_empty() {
         summary.trouble = Some(trouble);
     }

@@ -180,13 +180,13 @@ impl<'a> View<'a> {
         let mut row =
             Row { begin, step, depth_m: [0.0; BLOCK_SIDE], u: [-1.0; BLOCK_SIDE], v: [-1.0; BLOCK_SIDE] };
         let mut inverse = [0.0_f32; BLOCK_SIDE];
-        for x in 0..BLOCK_SIDE {
+        for (x, inverse) in inverse.iter_mut().enumerate() {
             row.depth_m[x] = begin.z + step.z * x as f32;
-            inverse[x] = 1.0 / row.depth_m[x];
+            *inverse = 1.0 / row.depth_m[x];
         }
-        for x in 0..BLOCK_SIDE {
-            row.u[x] = self.focal[0] * (begin.x + step.x * x as f32) * inverse[x] + (self.centre[0] + 0.5);
-            row.v[x] = self.focal[1] * (begin.y + step.y * x as f32) * inverse[x] + (self.centre[1] + 0.5);
+        for (x, inverse) in inverse.iter().enumerate() {
+            row.u[x] = self.focal[0] * (begin.x + step.x * x as f32) * inverse + (self.centre[0] + 0.5);
+            row.v[x] = self.focal[1] * (begin.y + step.y * x as f32) * inverse + (self.centre[1] + 0.5);
         }
         row
     }

@@ -107,11 +107,11 @@ async fn one(
                 Heard::Reply(reply) if reply.id == id => {
                     replied = Some((clock.now().since(said), reply.rules_version))
                 }
-                Heard::Held(held) if held.service == ServiceName::Filter.as_str() => {
-                    // The first word of a version counts; it is repeated.
-                    if held.version > version_held {
-                        (version_held, held_at) = (held.version, clock.now().since(said));
-                    }
+                // The first word of a version counts; it is repeated.
+                Heard::Held(held)
+                    if held.service == ServiceName::Filter.as_str() && held.version > version_held =>
+                {
+                    (version_held, held_at) = (held.version, clock.now().since(said));
                 }
                 _ => {}
             }

@@ -58,7 +58,7 @@ impl Decider {
             self.tried = (self.tried.0.max(book.version), self.tried.1.max(book.n_ids_given));
         }
         outputs.push(Output::Record(Box::new(Record { book: book.clone(), entry })));
-        self.busy = Busy::Recording(Pending { event, work, reply, book });
+        self.busy = Busy::Recording(Box::new(Pending { event, work, reply, book }));
     }
 
     /// Moves version and ids past those of commits that failed: what failed may be on the disk all the
@@ -96,7 +96,7 @@ impl Decider {
         // A rule is kept and said even when the log of it is lost: it protects.
         self.audit_trouble =
             recorded.audited.err().map(|reason| format!("audit log: {reason}")).unwrap_or_default();
-        let Pending { event, work, reply, book } = pending;
+        let Pending { event, work, reply, book } = *pending;
         if let Some(book) = book {
             self.journal_trouble.clear();
             let is_new = book.version != self.book.version;
