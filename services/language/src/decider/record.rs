@@ -90,7 +90,7 @@ impl Decider {
             }
         };
         if let Err(reason) = recorded.stored {
-            self.not_stored(now, pending, &reason, outputs);
+            self.not_stored(now, *pending, &reason, outputs);
             return;
         }
         // A rule is kept and said even when the log of it is lost: it protects.
