@@ -163,7 +163,7 @@ struct Work {
 #[derive(Clone, Debug)]
 enum Busy {
     Idle,
-    Reading(Work),
+    Reading(Box<Work>),
     Recording(Box<record::Pending>),
 }
 

@@ -70,7 +70,7 @@ impl Decider {
             before,
             active: self.book.active(),
         }));
-        self.busy = Busy::Reading(work);
+        self.busy = Busy::Reading(Box::new(work));
     }
 
     fn parse_offline(&mut self, now: Time, mut work: Work, outputs: &mut Vec<Output>) {
@@ -100,7 +100,7 @@ impl Decider {
 
     pub(super) fn model_read(&mut self, now: Time, reading: Reading, outputs: &mut Vec<Output>) {
         let mut work = match std::mem::replace(&mut self.busy, Busy::Idle) {
-            Busy::Reading(work) => work,
+            Busy::Reading(work) => *work,
             other => {
                 // An answer that nobody waits for.
                 self.busy = other;
