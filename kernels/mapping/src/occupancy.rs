@@ -5,8 +5,10 @@
 //! anything is dropped. Several objects of one rule stay several footprints.
 
 mod beneath;
+mod faces;
 
 use beneath::beneath;
+use faces::Rectangle;
 use geometry::{Point2, Point3};
 
 use crate::floor_area::FLOOR_HEIGHT_M;
@@ -83,12 +85,8 @@ pub enum OccupancyError {
     Grid(#[from] GridError),
 }
 
-/// The cells that an object of these surface points covers, as its relation counts them.
-///
-/// `beneath` takes what is above the robot's height, with the object's own legs as far as they stand within
-/// or next to that outline; every other relation takes all heights. Points on the floor are left out if
-/// there are others: masks of things also hold what is seen between their legs. The grid is the smallest,
-/// aligned to multiples of the resolution, that holds the footprint with a border. Points are in `map`.
+/// The cells that an object of these surface points covers, as its relation counts them, with nothing known
+/// of who saw it. See [`footprint_seen_from`].
 ///
 /// # Errors
 /// [`OccupancyError`] when there is nothing, or something that is no number.
@@ -97,6 +95,28 @@ pub fn footprint(
     relation: Relation,
     band: HeightBand,
     closing: &Closing,
+) -> Result<Grid<bool>, OccupancyError> {
+    footprint_seen_from(points_map, relation, band, closing, None)
+}
+
+/// The cells that an object of these surface points covers, as its relation counts them.
+///
+/// With the place in `map` that it was seen from, two near faces of a box stand for the whole box, save
+/// `beneath`, which is about what hangs over the floor.
+///
+/// `beneath` takes what is above the robot's height, with the object's own legs as far as they stand within
+/// or next to that outline; every other relation takes all heights. Points on the floor are left out if
+/// there are others: masks of things also hold what is seen between their legs. The grid is the smallest,
+/// aligned to multiples of the resolution, that holds the footprint with a border. Points are in `map`.
+///
+/// # Errors
+/// [`OccupancyError`] when there is nothing, or something that is no number.
+pub fn footprint_seen_from(
+    points_map: &[Point3],
+    relation: Relation,
+    band: HeightBand,
+    closing: &Closing,
+    seen_from_map: Option<Point2>,
 ) -> Result<Grid<bool>, OccupancyError> {
     if let Some(idx) = points_map.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
         return Err(OccupancyError::NotFinite(idx));
@@ -107,23 +127,48 @@ pub fn footprint(
         .into_iter()
         .filter(|group| counted.n_points(group) >= closing.n_points_min)
         .collect();
+    let mut boxes: Vec<Rectangle> = Vec::new();
     let outlines = if relation == Relation::Beneath {
         beneath(&counted, groups, closing)?
     } else {
+        let centres = |group: &Vec<Cell>| group.iter().map(|&c| counted.layout.centre(c)).collect::<Vec<_>>();
+        if let Some(seen_from) = seen_from_map {
+            let behind = |group| Rectangle::behind(&centres(group), seen_from, closing.resolution_m);
+            boxes.extend(groups.iter().filter_map(behind));
+        }
         groups
             .iter()
             .map(|group| Part::new(group, &counted.layout)?.outline(group, closing))
             .collect::<Result<_, _>>()?
     };
-    let mut result = Grid::filled(counted.layout, false);
+    let mut result = Grid::filled(holding(&counted.layout, &boxes)?, false);
     for outline in outlines {
         merge_into(&mut result, &outline);
+    }
+    for cell in result.layout().cells() {
+        let centre = result.layout().centre(cell);
+        if boxes.iter().any(|b| b.holds(centre)) {
+            result.set(cell, true);
+        }
     }
     if result.values().iter().any(|o| *o) {
         Ok(result)
     } else {
         Err(OccupancyError::Nothing { n_points: points_map.len() })
     }
+}
+
+/// The layout, or one that holds the boxes, too.
+fn holding(layout: &Layout, boxes: &[Rectangle]) -> Result<Layout, GridError> {
+    if boxes.is_empty() {
+        return Ok(*layout);
+    }
+    let border = nalgebra::Vector2::repeat(N_BORDER * layout.resolution_m);
+    let (mut low, mut high) = (layout.origin, layout.far_corner());
+    for corner in boxes.iter().flat_map(Rectangle::corners) {
+        (low, high) = (low.inf(&(corner - border)), high.sup(&(corner + border)));
+    }
+    Layout::covering(low, high, layout.resolution_m)
 }
 
 /// The points without those of the floor; all of them when the object itself lies flat.

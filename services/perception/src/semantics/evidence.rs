@@ -3,8 +3,9 @@
 //! Each frame in which the phrase was found votes on whether it stands or lies. Until the votes are clear
 //! both are gathered; then only what is needed.
 
+use geometry::Point2;
 use mapping::floor_area::{FloorArea, ObjectKind, object_kind};
-use mapping::occupancy::{HeightBand, OccupancyError, Relation, footprint};
+use mapping::occupancy::{HeightBand, OccupancyError, Relation, footprint_seen_from};
 use mapping::projection::{DepthLimits, project};
 use mapping::tsdf::{Tsdf, TsdfConfigError};
 use mapping::{DepthFrame, Grid, ImageError, Mask};
@@ -29,6 +30,8 @@ pub struct Evidence {
     n_undecided: u32,
     newest_ns: u64,
     is_full: bool,
+    /// Sum of the places in `map` that it was seen from, metres, and their number.
+    eyes: (nalgebra::Vector2<f64>, u32),
     /// How the models understand the phrase.
     pub understood: Understood,
 }
@@ -46,6 +49,7 @@ impl Evidence {
             n_undecided: 0,
             newest_ns: 0,
             is_full: false,
+            eyes: (nalgebra::Vector2::zeros(), 0),
             understood: Understood::Wholly,
         })
     }
@@ -80,6 +84,9 @@ impl Evidence {
     ) -> Result<(), ImageError> {
         self.newest_ns = self.newest_ns.max(stamp_ns);
         let Some(mask) = mask else { return self.observe_absent(frame) };
+        let (sum, n_eyes) = self.eyes;
+        let eye = frame.map_from_camera().translation.vector.xy();
+        self.eyes = (sum + eye, n_eyes.saturating_add(1));
         let limits = DepthLimits { stride_px: VOTE_STRIDE_PX, ..self.tsdf.config().limits };
         match object_kind(&project(frame, Some(mask), &limits)?) {
             ObjectKind::Thing => self.lead = (self.lead + 1).min(LEAD_MAX),
@@ -118,7 +125,10 @@ impl Evidence {
         config: &MapConfig,
     ) -> Result<Grid<bool>, OccupancyError> {
         if !self.is_flat() {
-            return footprint(&self.tsdf.surface_points(), relation, band, &config.closing);
+            let (sum, n_eyes) = self.eyes;
+            let seen_from = (n_eyes > 0).then(|| Point2::from(sum / f64::from(n_eyes)));
+            let points = self.tsdf.surface_points();
+            return footprint_seen_from(&points, relation, band, &config.closing, seen_from);
         }
         if relation == Relation::Beneath {
             // Nothing can be under what lies on the floor.
