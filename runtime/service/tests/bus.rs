@@ -63,10 +63,15 @@ async fn a_late_joiner_hears_the_last_value_at_once() {
     publisher.put(&rules(7)).unwrap();
     let inbox: Inbox<Received<RuleSet>> = Inbox::new();
     filter.bus.subscribe(&topics::RULES, &inbox, 4, |r| r).await.unwrap();
-    // The publisher was silent since before the subscription: only the kept value can come. The link may
-    // come up later than the first question; the publisher's liveliness then makes the bus ask again.
+    // The publisher was silent since before the subscription: only the kept value can come, after what may
+    // still be on its way. The link may come up later than the first question; the publisher's liveliness
+    // then makes the bus ask again.
     language.bus.declare_alive(&Segment::new("language").unwrap()).await.unwrap();
-    assert_eq!(next(&inbox).await.message.version, 7);
+    let mut versions = vec![next(&inbox).await.message.version];
+    if versions == [6] {
+        versions.push(next(&inbox).await.message.version);
+    }
+    assert_eq!(versions.last(), Some(&7), "{versions:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
