@@ -159,7 +159,7 @@ impl Envelope {
 
 /// A value that may shrink at once and grow by at most `growth`; to change sign it first shrinks to zero.
 fn eased(last: f64, wanted: f64, growth: f64) -> f64 {
-    let from = if last * wanted > 0.0 { last.abs() } else { 0.0 };
+    let from = if last.signum() == wanted.signum() { last.abs() } else { 0.0 };
     // Infinite growth in no time at all is NaN; it means no limit.
     let most = if growth.is_nan() { f64::INFINITY } else { from + growth };
     wanted.clamp(-most, most)

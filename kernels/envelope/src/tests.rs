@@ -141,6 +141,15 @@ fn a_pause_earns_no_more_speed_than_the_life_of_one_command() {
 }
 
 #[test]
+fn to_turn_round_the_motors_begin_at_zero() {
+    let mut envelope = at_full_speed();
+    let back = Twist::new(-0.1, 0.0);
+    let (sent, verdict) = envelope.check(at_ms(2010), Some((back, at_ms(2010))));
+    assert_eq!(verdict, Verdict::Eased);
+    assert!((sent.speed_m_s + 4.0 * 0.01).abs() < 1e-12, "{sent:?}");
+}
+
+#[test]
 fn a_base_that_eases_its_own_turns_is_not_limited_even_within_one_moment() {
     let limits = EnvelopeLimits { yaw_accel_rad_s2_max: f64::INFINITY, ..LIMITS };
     let mut envelope = Envelope::new(limits).unwrap();
