@@ -20,8 +20,8 @@ use heedway_perception::semantics::models::yolo::Yolo;
 use proto::Grounding;
 use rules::{Relation, Rule};
 
-const RECORDING: &str = "/work/shared/rgbd/dining-room";
-const MODELS: &str = "/work/shared/models";
+const RECORDING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/rgbd/dining-room");
+const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/models");
 
 /// Opens the real models; says why when it cannot.
 fn models() -> Option<LocalModels> {
