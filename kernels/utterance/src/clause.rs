@@ -115,9 +115,15 @@ pub fn is_order(draft: &Draft) -> bool {
         || draft.has_any(&TALK)
         || draft.has(Sense::Contain)
         || (draft.n_neg > 0
-            && (draft.has_any(&DEEDS) || (!draft.has(Sense::Copula) && draft.all_names().next().is_some())))
+            && (draft.has_any(&DEEDS)
+                || (!draft.has_any(&[Sense::Copula, Sense::Statement])
+                    && draft.all_names().next().is_some())))
         || (draft.quantity(Kind::Distance).is_some() && draft.has(Sense::From))
         || (draft.has(Sense::Hold) && !draft.quantities.is_empty())
+        || (draft.senses.first() == Some(&Sense::Hold)
+            && draft.n_neg == 0
+            && ["stay", "keep", "remain"].iter().any(|verb| draft.words.starts_with(verb))
+            && draft.regions.iter().any(|region| region.place == Place::Near))
         || positive_side
         || draft.has_any(&[Sense::History, Sense::MinSpeed, Sense::StartOver])
         || draft.quantities.iter().any(|q| q.kind == Kind::Distance && q.bound == Bound::Lower)

@@ -9,7 +9,7 @@ use crate::clause::{
     Clause, Clauses, EXCLUSIONS, TALK, has_strong_order, is_limit, is_order, is_other, is_story,
 };
 use crate::condition::apply;
-use crate::draft::{Draft, Region};
+use crate::draft::{Draft, Place, Region};
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
 use crate::quantity::{Bound, Kind};
@@ -41,6 +41,8 @@ struct Joiner {
     waiting_ttl_s: Option<u64>,
     waiting_except: Vec<Name>,
     note: Option<String>,
+    /// A time that a story told: "it needs 20 minutes to dry".
+    told_ttl_s: Option<u64>,
     /// Whether the sentence opened as a question ("why are you | so slow").
     in_question: bool,
     last: Last,
@@ -86,6 +88,7 @@ impl Joiner {
             if !draft.quantities.is_empty() {
                 self.out.leftover.push(draft.words.clone());
             }
+            self.told_ttl_s = draft.ttl_s.or(self.told_ttl_s);
             self.out.stories.push(draft);
             self.last = Last::Reason;
         } else if is_other(&draft) {
@@ -143,11 +146,29 @@ impl Joiner {
 
     fn until(&mut self, draft: Draft) {
         let words = draft.words.clone();
-        if !draft.quantities.is_empty() {
+        if let Some(ttl_s) = draft.ttl_s.filter(|_| words.ends_with("from now") || words.ends_with("later")) {
+            return self.lasts(ttl_s);
+        }
+        // "the floor needs 20 minutes to dry, keep off it till then"
+        if words == "then"
+            && let Some(ttl_s) = self.told_ttl_s.take()
+        {
+            return self.lasts(ttl_s);
+        }
+        if !draft.quantities.is_empty() || draft.ttl_s.is_some() {
             self.out.leftover.push(words.clone());
         }
         self.note_down(format!("until {words}"));
         self.last = Last::Reason;
+    }
+
+    /// A lifetime for the latest order, or for the next one.
+    fn lasts(&mut self, ttl_s: u64) {
+        match self.out.orders.last_mut() {
+            Some(clause) if clause.draft.ttl_s.is_none() => clause.draft.ttl_s = Some(ttl_s),
+            Some(_) => self.out.leftover.push(format!("{ttl_s} seconds")),
+            None => self.waiting_ttl_s = Some(ttl_s),
+        }
     }
 
     fn note_down(&mut self, words: String) {
@@ -187,7 +208,20 @@ impl Joiner {
             && draft.senses.is_empty()
             && draft.regions.is_empty()
             && draft.quantities.is_empty();
-        if let (true, Some(clause)) = (lets_off && !draft.names.is_empty(), self.out.orders.last_mut()) {
+        let last_allows =
+            self.out.orders.last().is_some_and(|clause| clause.draft.has_any(&[Sense::Allow, Sense::Fine]));
+        if lets_off && last_allows && !draft.names.is_empty() {
+            // "you may enter the office but not the server room"
+            let place = self
+                .out
+                .orders
+                .last()
+                .and_then(|clause| clause.draft.regions.first())
+                .map_or(Place::On, |r| r.place);
+            draft.regions.push(Region { place, names: std::mem::take(&mut draft.names) });
+            draft.senses.push(Sense::Motion);
+        } else if let (true, Some(clause)) = (lets_off && !draft.names.is_empty(), self.out.orders.last_mut())
+        {
             clause.draft.except.append(&mut draft.names);
             return;
         }
@@ -380,6 +414,9 @@ impl Joiner {
     }
 
     fn finish(mut self) -> Clauses {
+        if let Some(ttl_s) = self.told_ttl_s {
+            self.out.leftover.push(format!("{ttl_s} seconds"));
+        }
         if let Some(condition) = self.condition.take() {
             match self.out.orders.last_mut() {
                 Some(clause) => apply(clause, &condition),

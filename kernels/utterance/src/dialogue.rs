@@ -172,6 +172,14 @@ fn revoke(draft: &Draft, active: &[Rule]) -> Result<Change, Trouble> {
     }
     if !named.is_empty() {
         let wanted = |rule: &&Rule| named.iter().any(|name| is_on(rule, name)) && fits_kind(rule, draft);
+        // "wipe the table", "replace the bulb": a task, unless a rule is about it.
+        let may_be_task =
+            ["wipe", "clear", "drop", "lift", "remove", "replace", "swap", "discard", "strike", "scratch"]
+                .iter()
+                .any(|verb| draft.words.starts_with(verb));
+        if may_be_task && !draft.has(Sense::RuleNoun) && !active.iter().any(|rule| wanted(&rule)) {
+            return Err(Trouble::NotSafety);
+        }
         // "ignore the bell" is no talk about rules unless one is about it.
         if draft.words.starts_with("ignore") && !active.iter().any(|rule| wanted(&rule)) {
             return Err(Trouble::Ask("Which rule do you mean?".into()));

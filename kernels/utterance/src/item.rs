@@ -60,7 +60,7 @@ pub fn items(tokens: &[Token], bare_unit: BareUnit) -> Vec<Item> {
             at += 1;
             continue;
         }
-        let mut phrase = lexicon.senses_at(tokens, at);
+        let mut phrase = lexicon.senses_at(tokens, at).filter(|_| !is_noun_here(tokens, at, out.last()));
         // "turn slower than 25°/s": the comparison belongs to the number.
         if let Some((_, n)) = phrase
             && n > 1
@@ -84,6 +84,22 @@ pub fn items(tokens: &[Token], bare_unit: BareUnit) -> Vec<Item> {
         at += n_tokens;
     }
     out
+}
+
+/// "the bar", "steps ahead": words that only otherwise mean something to the grammar.
+fn is_noun_here(tokens: &[Token], at: usize, before: Option<&Item>) -> bool {
+    let word = tokens.get(at).map_or("", |token| token.text.as_str());
+    let after = tokens.get(at + 1).map_or("", |token| token.text.as_str());
+    let opens = before.is_none_or(|item| {
+        item.sort == Sort::Mark
+            || item.is(Sense::Det)
+            || item.is_any(&[Sense::PrepBetween, Sense::PrepNear, Sense::PrepOn, Sense::And, Sense::From])
+    });
+    match word {
+        "bar" => opens || !matches!(after, "the" | "my" | "mine" | "our" | "your" | "this" | "that" | "one"),
+        "steps" => opens && !matches!(after, "away" | "back" | "from"),
+        _ => false,
+    }
 }
 
 /// "room 3" and "the two chairs" hold numbers that measure nothing.

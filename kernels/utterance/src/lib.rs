@@ -28,6 +28,7 @@ mod reading;
 mod resolve;
 mod scan;
 mod segment;
+mod speech;
 mod spelling;
 mod steps;
 mod text;

@@ -149,8 +149,10 @@ impl Context<'_> {
                 let mut lifting = clause.clone();
                 lifting.draft.n_neg = 0;
                 lifting.draft.senses.push(Sense::Lift);
+                // A negation that we may have misread lifts what is there, or leads to a question.
                 talk(&lifting, self.active, fresh, self.profile)?
-                    .ok_or(Trouble::Ask("What should I change?".into()))
+                    .filter(|change| !change.lifted.is_empty())
+                    .ok_or(Trouble::Ask("I did not understand that as a rule. What should I heed?".into()))
             }
             Err(trouble) => Err(trouble),
         }

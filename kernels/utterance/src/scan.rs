@@ -9,6 +9,7 @@ use crate::noun::{Name, Nouns};
 use crate::phrase::noun_phrase;
 use crate::quantity::{Bound, Kind, Quantity};
 use crate::segment::Join;
+use crate::speech::{Speech, speech};
 use choose::choose;
 
 /// Most slots that one stretch may fill.
@@ -46,6 +47,8 @@ enum Before {
     LooseName,
     RegionName,
     Copula,
+    /// Behind the verb of a story: what follows is told.
+    Told,
     Other,
 }
 
@@ -70,15 +73,163 @@ impl Scanner<'_> {
         if self.before == Before::Copula && self.predicate_word(item) {
             return;
         }
-        if self.name() {
+        if self.told_word() || self.name() {
             return;
         }
         let item = self.items[self.at].clone();
         self.at += 1;
+        if item.sort == Sort::Mark {
+            return;
+        }
         if item.is_word() {
-            self.draft.leftover.push(item.text);
+            // "recently", "completely": how, not what.
+            let manner = speech(&item.text) == Speech::Adverb
+                && item.text.ends_with("ly")
+                && !RESTRICTING.contains(&item.text.as_str());
+            if !manner {
+                self.draft.leftover.push(item.text);
+            }
         } else if !self.place(&item) {
             self.sense(&item);
+        }
+    }
+
+    /// The verb of a story, and the words behind it: "the vase belonged to …", "it also splashes".
+    fn told_word(&mut self) -> bool {
+        let Some(item) = self.items.get(self.at) else { return false };
+        if self.before == Before::Told {
+            // "I am not comfortable", "they have gone off", "it breaks easily": told all the same.
+            let of_people =
+                ["i ", "we ", "he ", "she ", "they "].iter().any(|who| self.draft.words.starts_with(who));
+            let plain = match item.text.as_str() {
+                "not" | "no" | "off" | "out" | "away" | "back" | "up" | "down" | "easy" | "easily"
+                | "slow" | "slowly" | "fast" | "over" | "room" | "space" => true,
+                _ => of_people && item.is_any(&STATES),
+            };
+            let passes = item.is_word() || plain || !item.is_any(&ORDERS) && place_of(item).is_none();
+            if passes {
+                self.draft.predicate.push(item.text.clone());
+                self.at += 1;
+            }
+            return passes;
+        }
+        if !self.opens_story(item) {
+            return false;
+        }
+        self.draft.senses.push(Sense::Statement);
+        self.draft.predicate.push(item.text.clone());
+        self.at += 1;
+        self.before = Before::Told;
+        true
+    }
+
+    /// Whether this is the verb of a sentence that began with what it is about.
+    fn opens_story(&self, item: &Item) -> bool {
+        let only_subject =
+            self.draft.senses.iter().all(|sense| matches!(sense, Sense::Subject | Sense::Copula));
+        if !only_subject
+            || !self.draft.quantities.is_empty()
+            || !self.draft.regions.is_empty() && self.before != Before::RegionName
+        {
+            return false;
+        }
+        let next_is_word = self.peek(1).is_some_and(Item::is_word);
+        let verb = item.is_word()
+            && match speech(&item.text) {
+                Speech::Verb => true,
+                Speech::Participle => !item.text.ends_with("ing") && !next_is_word,
+                _ => false,
+            };
+        let after_subject = self.draft.senses.last() == Some(&Sense::Subject) && self.draft.names.is_empty();
+        let last_is_pronoun = self.draft.names.last().is_some_and(|name| name.is_pronoun);
+        let helps = matches!(
+            item.text.as_str(),
+            "will" | "would" | "might" | "could" | "can" | "has" | "had" | "have" | "does" | "did" | "may"
+        );
+        match self.before {
+            Before::LooseName if last_is_pronoun => {
+                verb || helps || item.is_word() && item.text.ends_with('s') || item.is(Sense::Hold)
+            }
+            // "to" and a verb behind a place: "on the way to reach".
+            Before::LooseName | Before::RegionName => !self.draft.names.is_empty() && (verb || helps),
+            _ if after_subject => {
+                // "I keep tripping over you" orders nothing.
+                let third = self.words_so_far_start_with_subject();
+                let be = self.at.checked_sub(1).and_then(|idx| self.items.get(idx));
+                let has_verb = be.is_some_and(|subject| subject.text.contains(' '));
+                third
+                    && (item.is_word()
+                        || item.is(Sense::Hold)
+                        || helps
+                        || has_verb
+                            && !item.is(Sense::Filler)
+                            && (item.text == "not" || item.is_any(&STATES)))
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether someone other than the robot is the subject.
+    fn words_so_far_start_with_subject(&self) -> bool {
+        self.at.checked_sub(1).and_then(|idx| self.items.get(idx)).is_some_and(|item| {
+            let first = item.text.split(' ').next().unwrap_or_default();
+            matches!(first, "i" | "we" | "he" | "she" | "they" | "who") && item.is(Sense::Subject)
+        })
+    }
+
+    /// "toys lying on the floor", "cables running along the wall": tells which ones.
+    fn tail(&mut self) {
+        let Some(first) = self.peek(0) else { return };
+        let single = !first.text.contains(' ');
+        let participle = if first.is_word() {
+            speech(&first.text) == Speech::Participle
+        } else {
+            first.text.ends_with("ing")
+                && first.is_any(&[
+                    Sense::Motion,
+                    Sense::Statement,
+                    Sense::VerbOn,
+                    Sense::VerbPast,
+                    Sense::VerbBlock,
+                    Sense::Sleeping,
+                    Sense::Task,
+                ])
+                && !first.is_any(&[Sense::PrepOn, Sense::PrepNear])
+        };
+        let orders = self.draft.senses.iter().any(|sense| !matches!(sense, Sense::Subject | Sense::Copula))
+            || self.draft.n_neg > 0;
+        let more = self.peek(1).is_some_and(|next| !next.is_any(&ORDERS) && !next.is(Sense::Copula));
+        if !(single && participle && orders && more) {
+            return;
+        }
+        let mut words: Vec<String> = Vec::new();
+        while let Some(item) = self.peek(0) {
+            let ends = matches!(item.sort, Sort::Quantity(_) | Sort::Mark)
+                || item.is_any(&ORDERS)
+                || item.is_any(&[
+                    Sense::Copula,
+                    Sense::And,
+                    Sense::Or,
+                    Sense::Except,
+                    Sense::TimeWords,
+                    Sense::OpenEnded,
+                    Sense::ForWhom,
+                ]);
+            if ends {
+                break;
+            }
+            if !item.is(Sense::Det) {
+                words.push(item.text.clone());
+            }
+            self.at += 1;
+        }
+        let name = match self.before {
+            Before::ExceptName => self.draft.except.last_mut(),
+            Before::RegionName => self.draft.regions.last_mut().and_then(|region| region.names.last_mut()),
+            _ => self.draft.names.last_mut(),
+        };
+        if let Some(name) = name {
+            name.reference = format!("{} {}", name.reference, words.join(" "));
         }
     }
 
@@ -86,6 +237,9 @@ impl Scanner<'_> {
         self.at += 1;
         let lead =
             self.at.checked_sub(2).and_then(|idx| self.items.get(idx)).map_or("", |item| item.text.as_str());
+        if quantity.kind == Kind::Duration && matches!(lead, "instead of" | "rather than") {
+            return;
+        }
         if quantity.kind == Kind::Duration {
             // "in ten minutes" and "every hour" are no lifetimes; left over, they become a question.
             if matches!(lead, "in" | "after" | "every") || quantity.bound == Bound::Within || quantity.by {
@@ -96,6 +250,10 @@ impl Scanner<'_> {
                     self.before = Before::Other;
                 }
             }
+            return;
+        }
+        // "an hour instead of ten minutes": the old number.
+        if matches!(lead, "instead of" | "rather than") {
             return;
         }
         self.draft.quantities.push(quantity);
@@ -147,6 +305,7 @@ impl Scanner<'_> {
                 self.before = Before::LooseName;
             }
         }
+        self.tail();
         true
     }
 
@@ -189,6 +348,14 @@ impl Scanner<'_> {
             return true;
         }
         let Some(place) = place_of(item) else { return false };
+        // "time to grow", "stay back to let them pass": a purpose, not a place.
+        if place == Place::To
+            && self.peek(0).is_some_and(|next| next.is_word() && speech(&next.text) == Speech::Verb)
+        {
+            self.draft.predicate.push(item.text.clone());
+            self.before = Before::Told;
+            return true;
+        }
         let name_ahead = noun_phrase(self.items, self.at, true);
         if let (true, Some((name, n_items))) = (follows_name && attaches(item, &self.draft), &name_ahead)
             && !name.is_pronoun
@@ -265,7 +432,10 @@ impl Scanner<'_> {
             Before::LooseName => self.draft.names.last(),
             _ => None,
         };
-        item.is(Sense::Except) && last.is_some_and(|name| name.is_universal)
+        let universal = last.is_some_and(|name| name.is_universal)
+            || self.draft.has_any(&[Sense::OffLimits, Sense::StayOff])
+                && self.draft.all_names().any(|name| name.is_universal);
+        item.is(Sense::Except) && universal
     }
 
     /// "the path between the roses and the fence": the gap, or a thing that stands in it.
@@ -311,6 +481,21 @@ impl Scanner<'_> {
             if Nouns::get().is_place(&tail.obj) {
                 self.draft.whereabouts.push(tail.clone());
             }
+            // "the area behind the stove" is where, not what.
+            let side = place_of_words(link).filter(|_| {
+                Nouns::get().is_passage(&name.obj) && !tail.obj.is_empty() && name.obj != "floor"
+            });
+            if let Some(place) = side {
+                let names = vec![tail.clone()];
+                match self.before {
+                    Before::RegionName => drop(self.draft.regions.pop()),
+                    Before::ExceptName => return,
+                    _ => drop(self.draft.names.pop()),
+                }
+                self.draft.regions.push(Region { place, names });
+                self.before = Before::RegionName;
+                return;
+            }
             name.reference = format!("{} {link} {}", name.reference, tail.reference);
             name.is_pronoun = false;
             // "the area around the stove" is about the stove.
@@ -354,6 +539,15 @@ impl Scanner<'_> {
         {
             self.draft.n_neg += 1;
             self.before = Before::Other;
+            return;
+        }
+        // "the cat does not move": told of the cat.
+        if self.before == Before::LooseName
+            && matches!(item.text.as_str(), "does not" | "did not")
+            && self.draft.senses.is_empty()
+        {
+            self.draft.senses.push(Sense::Statement);
+            self.before = Before::Told;
             return;
         }
         let chosen = choose(item, senses, &self.draft, self.peek(0));
@@ -417,6 +611,65 @@ impl Scanner<'_> {
     }
 }
 
+/// What someone may be said to be.
+const STATES: [Sense; 6] =
+    [Sense::Fragile, Sense::Closed, Sense::Sleeping, Sense::NeedsSpace, Sense::Fine, Sense::Hold];
+
+/// Adverbs that take something away from an order, or give it a time.
+const RESTRICTING: [&str; 16] = [
+    "hardly",
+    "barely",
+    "scarcely",
+    "rarely",
+    "hourly",
+    "nightly",
+    "temporarily",
+    "briefly",
+    "shortly",
+    "occasionally",
+    "partly",
+    "partially",
+    "nearly",
+    "formerly",
+    "seldomly",
+    "previously",
+];
+
+/// Senses that order something: no story and no description goes on over them.
+const ORDERS: [Sense; 31] = [
+    Sense::Neg,
+    Sense::Avoid,
+    Sense::Away,
+    Sense::Wide,
+    Sense::StayOff,
+    Sense::Hold,
+    Sense::Contain,
+    Sense::Slow,
+    Sense::Slower,
+    Sense::Faster,
+    Sense::Wider,
+    Sense::Closer,
+    Sense::Crawl,
+    Sense::WalkPace,
+    Sense::Halt,
+    Sense::TurnSlow,
+    Sense::Careful,
+    Sense::Quiet,
+    Sense::SpeedNoun,
+    Sense::OffLimits,
+    Sense::Closed,
+    Sense::Fragile,
+    Sense::NeedsSpace,
+    Sense::Sleeping,
+    Sense::Revoke,
+    Sense::Make,
+    Sense::Same,
+    Sense::NormalSpeed,
+    Sense::History,
+    Sense::MinSpeed,
+    Sense::Fine,
+];
+
 /// Senses whose next name is their object.
 const TRANSITIVE: [Sense; 12] = [
     Sense::Avoid,
@@ -451,6 +704,23 @@ fn place_of(item: &Item) -> Option<Place> {
         return None;
     }
     PLACES.iter().find(|(sense, _)| item.is(*sense)).map(|(_, place)| *place)
+}
+
+/// The side that a place word names, where the region is that side.
+fn place_of_words(link: &str) -> Option<Place> {
+    let tokens = crate::text::tokens(link, crate::lexicon::Lexicon::get());
+    let (senses, _) = crate::lexicon::Lexicon::get().senses_at(&tokens, 0)?;
+    [
+        (Sense::PrepUnder, Place::Under),
+        (Sense::PrepPast, Place::Past),
+        (Sense::PrepFront, Place::Front),
+        (Sense::PrepBehind, Place::Behind),
+        (Sense::PrepLeft, Place::Left),
+        (Sense::PrepRight, Place::Right),
+    ]
+    .iter()
+    .find(|(sense, _)| senses.contains(sense))
+    .map(|(_, place)| *place)
 }
 
 /// Whether a place word after a name describes that name, rather than naming another region.

@@ -94,6 +94,7 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
             let join = if open.range.is_empty() { stronger(open.join, join) } else { join };
             let lead = if keeps_item { String::new() } else { item.text.clone() };
             open = Segment { join, is_fresh, lead, range: start..start };
+            earlier.start = start;
             named = false;
         }
         if cut.is_none_or(|(_, keeps_item)| keeps_item) {
@@ -108,6 +109,8 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
 /// What stood anywhere before an item; kept along the way, so that nothing is read twice.
 #[derive(Clone, Copy, Default)]
 struct Earlier {
+    /// Where the open stretch starts.
+    start: usize,
     word_or_hold: bool,
     universal: bool,
 }
@@ -146,6 +149,9 @@ fn cut_before(
     let item = &items[at];
     let before = at.checked_sub(1).and_then(|idx| items.get(idx));
     let next = items.get(at + 1);
+    if item.text == "," && is_aside(items, at) {
+        return None;
+    }
     if item.sort == Sort::Mark {
         let join = if matches!(item.text.as_str(), "," | ":" | "-") { Join::Comma } else { Join::Start };
         return Some((join, false));
@@ -159,6 +165,14 @@ fn cut_before(
     }
     // "please to avoid the table" orders; "keep back to avoid damage" gives a reason.
     let is_order = item.text == "to avoid" && !earlier.word_or_hold;
+    // "replace the rug rule with half a metre around the sofa": what goes, and what comes.
+    let swaps = items.get(earlier.start).is_some_and(|first| {
+        first.is(Sense::Revoke)
+            && matches!(first.text.as_str(), "replace" | "swap" | "swap out" | "substitute")
+    });
+    if swaps && at > earlier.start + 1 && matches!(item.text.as_str(), "with" | "by" | "for") {
+        return Some((Join::And, false));
+    }
     if item.is(Sense::Because) && !is_order {
         return Some((Join::Because, false));
     }
@@ -168,7 +182,13 @@ fn cut_before(
     if item.is(Sense::Until) {
         return Some((Join::Until, false));
     }
-    if item.is(Sense::IfWhen) && !(item.text == "once" && next.is_none_or(|n| n.sort == Sort::Mark)) {
+    // "should you see a dog" asks for a case; "never should the robot" does not.
+    let plain_should =
+        item.text == "should" && before.is_some_and(|b| b.sort != Sort::Mark && !b.is(Sense::And));
+    if item.is(Sense::IfWhen)
+        && !plain_should
+        && !(item.text == "once" && next.is_none_or(|n| n.sort == Sort::Mark))
+    {
         return Some((Join::If, false));
     }
     if item.is(Sense::And) {
@@ -189,6 +209,10 @@ fn cut_before(
             && before
                 .is_some_and(|b| b.is_any(&[Sense::Everywhere, Sense::AllRules]) || b.text == "anything");
         return if universal_exception || after_everywhere { None } else { Some((Join::But, false)) };
+    }
+    // "it also splashes"
+    if item.text == "also" && before.is_some_and(|b| b.is_any(&[Sense::Pronoun, Sense::Subject])) {
+        return None;
     }
     if item.is(Sense::Also) && !item.is(Sense::AsWell) {
         return Some((Join::And, false));
@@ -211,6 +235,19 @@ fn cut_before(
     None
 }
 
+/// Whether the comma opens or closes a filler between commas: "nobody, including you, goes in".
+fn is_aside(items: &[Item], at: usize) -> bool {
+    const N_ITEMS_MAX: usize = 3;
+    let filler =
+        |item: &Item| item.is(Sense::Filler) && !item.is_any(&[Sense::Careful, Sense::Fine, Sense::Motion]);
+    let ahead = items.iter().skip(at + 1).take(N_ITEMS_MAX).take_while(|item| filler(item)).count();
+    let opens = ahead > 0 && items.get(at + 1 + ahead).is_some_and(|item| item.text == ",");
+    let behind = items.iter().take(at).rev().take(N_ITEMS_MAX).take_while(|item| filler(item)).count();
+    let closes = behind > 0
+        && at.checked_sub(behind + 1).and_then(|idx| items.get(idx)).is_some_and(|item| item.text == ",");
+    (opens || closes) && at > 0
+}
+
 fn begins_order(items: &[Item], at: usize) -> bool {
     let item = &items[at];
     let before = at.checked_sub(1).and_then(|idx| items.get(idx));
@@ -226,7 +263,10 @@ fn begins_order(items: &[Item], at: usize) -> bool {
                 || n.text == "at"
                 || n.is(Sense::Turn)
         });
-    let order = item.is_any(&ORDERS) && !item.is_any(&[Sense::Pronoun, Sense::PrepNear]);
+    let told_to = item.is(Sense::Filler)
+        && ["you have to", "you must", "you should", "you need to", "you are to", "please"]
+            .contains(&item.text.as_str());
+    let order = told_to || item.is_any(&ORDERS) && !item.is_any(&[Sense::Pronoun, Sense::PrepNear]);
     let negated = item.is(Sense::Neg)
         && before.is_some_and(|b| b.is_word() || b.is_any(&[Sense::PrepNear, Sense::Pronoun]));
     motion || order || negated

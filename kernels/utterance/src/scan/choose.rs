@@ -50,6 +50,13 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
         "be" | "do" | "does" | "did" => {
             return if text == "be" && draft.is_negated() { Some(Sense::Motion) } else { None };
         }
+        // "the grass here is poisonous"
+        "here is" | "here are" if !draft.names.is_empty() => return Some(Sense::Copula),
+        "gets" if draft.names.iter().any(|name| !name.is_pronoun) => return Some(Sense::Copula),
+        "too fast" | "too quickly" | "so fast" | "that fast" if draft.is_negated() => {
+            return Some(Sense::Fast);
+        }
+        "too fast" | "too quickly" | "so fast" | "that fast" => return Some(Sense::Slower),
         "wide" if next.is_some_and(Item::is_word) => return None,
         "too" if next.is_some() => return None,
         _ => {}
