@@ -41,6 +41,8 @@ struct Joiner {
     waiting_ttl_s: Option<u64>,
     waiting_except: Vec<Name>,
     note: Option<String>,
+    /// Names told of together: "the lamp, the mirror and the vase are all glass".
+    group: Vec<Name>,
     /// A time that a story told: "it needs 20 minutes to dry".
     told_ttl_s: Option<u64>,
     /// Whether the sentence opened as a question ("why are you | so slow").
@@ -89,6 +91,15 @@ impl Joiner {
                 self.out.leftover.push(draft.words.clone());
             }
             self.told_ttl_s = draft.ttl_s.or(self.told_ttl_s);
+            let subjects: Vec<Name> = draft.names.iter().filter(|name| !name.is_pronoun).cloned().collect();
+            if matches!(draft.join, Some(Join::And | Join::Comma)) && !subjects.is_empty() {
+                if self.last == Last::Names {
+                    self.group.append(&mut self.waiting_names);
+                }
+                self.group.extend(subjects);
+            } else {
+                self.group = subjects;
+            }
             self.out.stories.push(draft);
             self.last = Last::Reason;
         } else if is_other(&draft) {
@@ -225,6 +236,19 @@ impl Joiner {
             clause.draft.except.append(&mut draft.names);
             return;
         }
+        // "keep a metre from the lamp, it falls over easily": why, not a second order.
+        let why =
+            is_told(&draft)
+                && self.last == Last::Order
+                && (draft.all_names().all(|name| name.is_pronoun)
+                    || self.out.orders.last().is_some_and(|clause| is_same_name(&clause.draft, &draft)))
+                && self.out.orders.last().is_some_and(|clause| {
+                    !is_told(&clause.draft) && clause.draft.all_names().next().is_some()
+                });
+        if why {
+            self.out.stories.push(draft);
+            return;
+        }
         self.take_back_reason(&draft);
         let antecedents = self.mentioned.clone();
         let places = self.mentioned_places.clone();
@@ -254,6 +278,7 @@ impl Joiner {
             draft,
             antecedents,
             places,
+            group: self.group.clone(),
             notes: self.note.take().into_iter().collect(),
             is_conditioned: false,
         };
@@ -305,21 +330,7 @@ impl Joiner {
     fn take_back_reason(&mut self, draft: &Draft) {
         let points_back =
             draft.all_names().all(|name| name.is_pronoun) && !draft.has_any(&[Sense::Everywhere]);
-        let told = |draft: &Draft| {
-            draft.n_neg == 0
-                && draft.quantities.is_empty()
-                && draft.senses.iter().all(|sense| {
-                    matches!(
-                        sense,
-                        Sense::Copula
-                            | Sense::Fragile
-                            | Sense::Closed
-                            | Sense::Sleeping
-                            | Sense::NeedsSpace
-                            | Sense::ThereIs
-                    )
-                })
-        };
+        let told = is_told;
         // "shh, the baby is asleep": a cry, and then what it is about.
         let cried = |old: &Draft| {
             old.n_neg == 0
@@ -338,8 +349,10 @@ impl Joiner {
         let gives_why = |old: &Draft| {
             points_back || draft.join == Some(Join::So) || old.has(Sense::Sleeping) && draft.has(Sense::Quiet)
         };
-        if self.out.orders.last().is_some_and(|clause| told(&clause.draft) && gives_why(&clause.draft))
-            && let Some(clause) = self.out.orders.pop()
+        let about_it = |old: &Draft| is_same_name(old, draft) && (draft.n_neg > 0 || !told(draft));
+        if self.out.orders.last().is_some_and(|clause| {
+            told(&clause.draft) && (gives_why(&clause.draft) || about_it(&clause.draft))
+        }) && let Some(clause) = self.out.orders.pop()
         {
             self.out.stories.push(clause.draft);
         }
@@ -451,4 +464,36 @@ impl Joiner {
         }
         self.out
     }
+}
+
+/// Whether it only says how something is, which is an order when nothing else is said of it.
+fn is_told(draft: &Draft) -> bool {
+    draft.n_neg == 0
+        && draft.quantities.is_empty()
+        && draft.has_any(&[
+            Sense::Copula,
+            Sense::Fragile,
+            Sense::Closed,
+            Sense::Sleeping,
+            Sense::NeedsSpace,
+            Sense::ThereIs,
+        ])
+        && draft.senses.iter().all(|sense| {
+            matches!(
+                sense,
+                Sense::Copula
+                    | Sense::Fragile
+                    | Sense::Closed
+                    | Sense::Sleeping
+                    | Sense::NeedsSpace
+                    | Sense::ThereIs
+                    | Sense::Statement
+            )
+        })
+}
+
+/// Whether both name the same thing.
+fn is_same_name(old: &Draft, new: &Draft) -> bool {
+    let nouns = Nouns::get();
+    old.all_names().any(|a| !a.is_pronoun && new.all_names().any(|b| nouns.same(&a.obj, &b.obj)))
 }

@@ -81,7 +81,7 @@ fn findable_regions(condition: &Draft, unknown_state: bool) -> Vec<Region> {
         .filter(|region| region.names.iter().any(|name| !is_self(name)))
         .cloned()
         .collect();
-    if condition.has(Sense::Copula) && !names.is_empty() && !regions.is_empty() {
+    if condition.has(Sense::Copula) && names.iter().any(|name| !name.is_pronoun) && !regions.is_empty() {
         // "if someone is on crutches": about the someone.
         regions.clear();
     }

@@ -85,8 +85,9 @@ fn check_words(draft: &Draft) -> Result<(), Trouble> {
         }
     }
     if let Some(number) = draft.quantity(Kind::Bare) {
-        let speed =
-            draft.has_any(&[Sense::SpeedNoun, Sense::Slow]) && draft.quantity(Kind::Distance).is_none();
+        let compares = ["faster", "slower", "quicker"].iter().any(|word| number.said.contains(word));
+        let speed = (compares || draft.has_any(&[Sense::SpeedNoun, Sense::Slow, Sense::Slower]))
+            && draft.quantity(Kind::Distance).is_none();
         if !speed {
             return Err(Trouble::Unit(number.value));
         }
@@ -119,8 +120,13 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
         .filter(|region| matches!(region.place, Place::On | Place::Under))
         .flat_map(|region| region.names.iter_mut());
     for name in onto.filter(|name| name.is_pronoun) {
-        if let Some(place) = &place {
-            *name = place.clone();
+        // "there is lego in the corner, don't go over it": over the lego; "a cat on the rug": off the rug.
+        let subject = clause
+            .antecedents
+            .last()
+            .filter(|subject| !name.reference.contains("there") && !Nouns::get().is_living(&subject.obj));
+        if let Some(meant) = subject.filter(|_| name.reference == "it").or(place.as_ref()) {
+            *name = meant.clone();
         }
     }
     let places = draft.regions.iter_mut().flat_map(|region| region.names.iter_mut());
@@ -133,6 +139,34 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
         match own.clone().or(there).or_else(|| earlier.clone()) {
             Some(referent) => *name = referent,
             None => return Err(Trouble::Ask(format!("What do you mean by \"{}\"?", name.reference))),
+        }
+    }
+    let group = &clause.group;
+    let plural = clause.draft.all_names().any(|name| {
+        name.is_pronoun
+            && matches!(
+                name.reference.as_str(),
+                "them"
+                    | "both"
+                    | "those"
+                    | "these"
+                    | "they"
+                    | "each of them"
+                    | "all of them"
+                    | "both of them"
+                    | "either of them"
+                    | "any of them"
+            )
+    });
+    if plural && group.len() > 1 {
+        let meant = |name: &Name| group.last().is_some_and(|last| last == name);
+        for region in &mut draft.regions {
+            if region.names.iter().any(meant) {
+                region.names.clone_from(group);
+            }
+        }
+        if draft.names.iter().any(meant) {
+            draft.names.clone_from(group);
         }
     }
     dedup(&mut draft.names);

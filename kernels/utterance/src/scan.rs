@@ -22,6 +22,7 @@ pub fn scan(items: &[Item], join: Join) -> Draft {
     let mut scanner = Scanner {
         items,
         at: 0,
+        join: Some(join),
         draft: Draft { join: Some(join), words, ..Draft::default() },
         before: Before::Nothing,
     };
@@ -55,6 +56,7 @@ enum Before {
 struct Scanner<'a> {
     items: &'a [Item],
     at: usize,
+    join: Option<Join>,
     draft: Draft,
     before: Before,
 }
@@ -106,7 +108,9 @@ impl Scanner<'_> {
                 | "slow" | "slowly" | "fast" | "over" | "room" | "space" => true,
                 _ => of_people && item.is_any(&STATES),
             };
-            let passes = item.is_word() || plain || !item.is_any(&ORDERS) && place_of(item).is_none();
+            let outside = matches!(item.text.as_str(), "outside" | "outside of");
+            let passes =
+                item.is_word() || plain || outside || !item.is_any(&ORDERS) && place_of(item).is_none();
             if passes {
                 self.draft.predicate.push(item.text.clone());
                 self.at += 1;
@@ -125,8 +129,8 @@ impl Scanner<'_> {
 
     /// Whether this is the verb of a sentence that began with what it is about.
     fn opens_story(&self, item: &Item) -> bool {
-        let only_subject =
-            self.draft.senses.iter().all(|sense| matches!(sense, Sense::Subject | Sense::Copula));
+        let only_subject = self.draft.n_neg == 0
+            && self.draft.senses.iter().all(|sense| matches!(sense, Sense::Subject | Sense::Copula));
         if !only_subject
             || !self.draft.quantities.is_empty()
             || !self.draft.regions.is_empty() && self.before != Before::RegionName
@@ -146,7 +150,29 @@ impl Scanner<'_> {
             item.text.as_str(),
             "will" | "would" | "might" | "could" | "can" | "has" | "had" | "have" | "does" | "did" | "may"
         );
+        // "the vibrations stress the fish", "chairs get pulled out": done by the thing, not by the robot.
+        let deeds = [
+            Sense::Motion,
+            Sense::VerbOn,
+            Sense::VerbNear,
+            Sense::VerbTouch,
+            Sense::VerbPast,
+            Sense::VerbBlock,
+            Sense::VerbWake,
+            Sense::VerbLeave,
+            Sense::Task,
+        ];
+        let done_by_it = self.join != Some(Join::If)
+            && item.is_any(&deeds)
+            && !item.is(Sense::PrepNear)
+            && !item.is(Sense::Copula)
+            && !item.text.ends_with("ing")
+            && self.draft.names.last().is_some_and(|name| !name.is_pronoun)
+            && self.peek(1).is_some_and(|next| !next.is_any(&ORDERS));
+        let takes_time = matches!(item.text.as_str(), "needs" | "need" | "takes" | "take")
+            && matches!(self.peek(1).map(|next| &next.sort), Some(Sort::Quantity(q)) if q.kind == Kind::Duration);
         match self.before {
+            Before::LooseName if done_by_it || takes_time => true,
             Before::LooseName if last_is_pronoun => {
                 verb || helps || item.is_word() && item.text.ends_with('s') || item.is(Sense::Hold)
             }
@@ -550,6 +576,16 @@ impl Scanner<'_> {
             self.before = Before::Told;
             return;
         }
+        // "you cannot swim": a deed that we do not know, told.
+        if matches!(item.text.as_str(), "can not" | "could not")
+            && self.draft.names.is_empty()
+            && self.peek(0).is_some_and(Item::is_word)
+            && self.peek(1).is_none()
+        {
+            self.draft.senses.push(Sense::Statement);
+            self.before = Before::Told;
+            return;
+        }
         let chosen = choose(item, senses, &self.draft, self.peek(0));
         match chosen {
             // "never, never": said twice, meant once.
@@ -575,6 +611,17 @@ impl Scanner<'_> {
                 }
                 return;
             }
+            Some(Sense::Statement) if !self.draft.names.is_empty() || self.draft.has(Sense::Subject) => {
+                self.draft.senses.push(Sense::Statement);
+                self.before = Before::Told;
+                return;
+            }
+            Some(Sense::Careful) if item.text.ends_with("made of") => {
+                // "like it is made of glass": of what is no matter.
+                self.draft.senses.push(Sense::Careful);
+                self.at = self.items.len();
+            }
+            Some(Sense::AsWell) if self.before == Before::LooseName && item.text == "also" => return,
             Some(sense) => self.draft.senses.push(sense),
         }
         self.before = Before::Other;
@@ -601,7 +648,15 @@ impl Scanner<'_> {
         }
         // A place word without a name: nearness said of nobody, or a dangling word.
         if let Before::Place(place) = self.before {
-            if place == Place::Near {
+            let stranded = self.draft.n_neg > 0
+                && self.draft.regions.is_empty()
+                && matches!(place, Place::On | Place::Under | Place::Near)
+                && self.draft.names.iter().any(|name| !name.is_pronoun);
+            if stranded {
+                // "the rug is not something to walk across"
+                let names = std::mem::take(&mut self.draft.names);
+                self.draft.regions.push(Region { place, names });
+            } else if place == Place::Near {
                 self.draft.senses.push(Sense::PrepNear);
             } else {
                 self.draft.regions.push(Region { place, names: Vec::new() });

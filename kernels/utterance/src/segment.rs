@@ -95,6 +95,7 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
             let lead = if keeps_item { String::new() } else { item.text.clone() };
             open = Segment { join, is_fresh, lead, range: start..start };
             earlier.start = start;
+            earlier.told = false;
             named = false;
         }
         if cut.is_none_or(|(_, keeps_item)| keeps_item) {
@@ -113,10 +114,14 @@ struct Earlier {
     start: usize,
     word_or_hold: bool,
     universal: bool,
+    /// Whether the open stretch tells how something is.
+    told: bool,
 }
 
 impl Earlier {
     fn see(&mut self, item: &Item) {
+        self.told |=
+            item.is_any(&[Sense::Copula, Sense::ThereIs, Sense::Statement]) && !item.is(Sense::Filler);
         self.word_or_hold |= item.is_word() || item.is(Sense::Hold);
         self.universal |= item.is(Sense::Det)
             && matches!(item.text.as_str(), "all" | "every" | "any" | "all the" | "all of the");
@@ -198,8 +203,11 @@ fn cut_before(
         return Some((Join::Or, false));
     }
     if item.is(Sense::But)
-        && !(item.text == "only" && before.is_none())
-        && !(item.text == "just" && before.is_none())
+        && !(matches!(item.text.as_str(), "only" | "just")
+            && before.is_none_or(|b| {
+                b.is_any(&[Sense::Copula, Sense::Subject, Sense::Because, Sense::Pronoun])
+                    || matches!(b.text.as_str(), "has" | "have" | "had" | "was" | "were")
+            }))
     {
         let universal_exception = item.text == "but"
             && before.is_some_and(Item::is_word)
@@ -219,6 +227,30 @@ fn cut_before(
     }
     if item.text == "also" && before.is_some() && next.is_some_and(|n| n.sort != Sort::Mark) {
         return Some((Join::And, false));
+    }
+    // "there is lego in the corner can you not go over it": no pause, but a new start.
+    let asks = item.is(Sense::Filler)
+        && [
+            "can you",
+            "could you",
+            "would you",
+            "please",
+            "you must",
+            "you should",
+            "you have to",
+            "you need to",
+        ]
+        .iter()
+        .any(|start| item.text.starts_with(start))
+        || item.is_any(&[Sense::Avoid, Sense::Careful]) && !item.is(Sense::PrepNear)
+        || item.is(Sense::StayOff) && ["stay", "keep"].iter().any(|verb| item.text.starts_with(verb))
+        || item.is(Sense::Neg) && matches!(item.text.as_str(), "do not" | "never");
+    if earlier.told
+        && named
+        && asks
+        && before.is_some_and(|b| b.is_word() || b.is_any(&[Sense::Fragile, Sense::Sleeping, Sense::Pronoun]))
+    {
+        return Some((Join::So, true));
     }
     if (open == Join::If || open == Join::Because && is_first) && named && begins_order(items, at) {
         return Some((Join::Bare, true));

@@ -13,7 +13,10 @@ impl Joiner {
     pub(super) fn fragment(&mut self, mut draft: Draft) {
         // "play hide and seek", "bring tea and biscuits": more of the task.
         let of_task = self.last == Last::Other
-            && matches!(draft.join, Some(Join::And | Join::Or))
+            && (matches!(draft.join, Some(Join::And | Join::Or))
+                || draft.join == Some(Join::Comma)
+                    && !draft.words.starts_with("the ")
+                    && self.out.others.last().is_some_and(|other| other.has(Sense::Task)))
             && draft.quantities.is_empty()
             && draft.leftover.is_empty()
             && draft.senses.is_empty();

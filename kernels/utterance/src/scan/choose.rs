@@ -36,6 +36,8 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
             return Some(Sense::Avoid);
         }
         "leave" => return Some(if draft.is_negated() { Sense::VerbLeave } else { Sense::Hold }),
+        "drop" if next.is_some_and(|n| n.is(Sense::To)) => return Some(Sense::Dampen),
+        "out" if draft.has(Sense::VerbWake) => return None,
         "clear" | "drop" | "lift" | "end" | "reset" | "scratch"
             if draft.senses.is_empty() && draft.n_neg == 0 =>
         {
