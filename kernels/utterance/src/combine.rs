@@ -253,7 +253,7 @@ impl Joiner {
         let antecedents = self.mentioned.clone();
         let places = self.mentioned_places.clone();
         self.mention(&draft);
-        if draft.regions.is_empty() && draft.names.is_empty() {
+        if draft.regions.is_empty() && draft.names.is_empty() && !draft.has(Sense::Everywhere) {
             draft.regions.append(&mut self.waiting_regions);
             if draft.regions.is_empty() {
                 draft.names.append(&mut self.waiting_names);
@@ -271,6 +271,11 @@ impl Joiner {
             self.waiting_regions.clear();
         } else if is_limit(&draft) && draft.regions.is_empty() {
             draft.regions.append(&mut self.waiting_regions);
+        }
+        if draft.join == Some(Join::So) && draft.has(Sense::Everywhere) {
+            // "visitors on site, so half speed everywhere": why.
+            self.waiting_names.clear();
+            self.waiting_regions.clear();
         }
         draft.ttl_s = draft.ttl_s.or(self.waiting_ttl_s);
         draft.except.append(&mut self.waiting_except);

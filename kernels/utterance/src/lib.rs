@@ -15,6 +15,7 @@ mod clause;
 mod combine;
 mod condition;
 mod dialogue;
+mod doubt;
 mod draft;
 mod exclusion;
 mod item;

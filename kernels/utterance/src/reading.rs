@@ -15,7 +15,7 @@ use crate::resolve::{Trouble, resolve};
 use crate::scan::scan;
 use crate::segment::segments;
 use crate::text::{CHARS_MAX, Token, tokens};
-use crate::{answer, gate, spelling};
+use crate::{answer, doubt, gate, spelling};
 
 /// The reply to an utterance, given the rules in force.
 ///
@@ -136,7 +136,10 @@ impl Context<'_> {
             return Err(trouble);
         }
         self.check_coverage(clauses, &sum)?;
-        Ok(sum)
+        match doubt::of_reading(clauses, &sum.added) {
+            Some(question) if !sum.added.is_empty() => Err(Trouble::Ask(question)),
+            _ => Ok(sum),
+        }
     }
 
     fn one(&self, clause: &Clause, fresh: &[Rule]) -> Result<Change, Trouble> {

@@ -26,6 +26,9 @@ pub fn scan(items: &[Item], join: Join) -> Draft {
         draft: Draft { join: Some(join), words, ..Draft::default() },
         before: Before::Nothing,
     };
+    if let Some(n_items) = preamble(items) {
+        scanner.at = n_items;
+    }
     while let Some(item) = items.get(scanner.at) {
         let draft = &mut scanner.draft;
         if draft.senses.len() + draft.names.len() + draft.regions.len() > N_SLOTS_MAX {
@@ -36,6 +39,62 @@ pub fn scan(items: &[Item], join: Join) -> Draft {
         scanner.step();
     }
     scanner.finish()
+}
+
+/// Items of "the safety officer says you have to", before an order begins; none when there are none.
+///
+/// Only words of telling go: no negation, number, place or order stands among them.
+fn preamble(items: &[Item]) -> Option<usize> {
+    const N_ITEMS_MAX: usize = 12;
+    const TELLS: [&str; 24] = [
+        "says",
+        "said",
+        "asked",
+        "asks",
+        "wants",
+        "insists",
+        "insisted",
+        "told",
+        "tells",
+        "requires",
+        "demands",
+        "prefers",
+        "requested",
+        "requests",
+        "like",
+        "love",
+        "prefer",
+        "want",
+        "need",
+        "expects",
+        "expect",
+        "ask",
+        "recommends",
+        "suggests",
+    ];
+    let opens = items.iter().take(N_ITEMS_MAX).position(|item| {
+        item.is_any(&[
+            Sense::Neg,
+            Sense::Avoid,
+            Sense::Hold,
+            Sense::Slow,
+            Sense::Crawl,
+            Sense::Careful,
+            Sense::Quiet,
+        ]) || item.is(Sense::StayOff) && item.text.contains(' ')
+            || item.is(Sense::Halt)
+    })?;
+    let lead = &items[..opens];
+    let last = lead.last()?.text.split(' ').next_back().unwrap_or_default();
+    let turns = matches!(last, "you" | "to" | "that" | "robots" | "robot")
+        || lead.last().is_some_and(|item| item.is(Sense::Filler) && item.text.starts_with("you "));
+    let tells = lead.iter().any(|item| item.text.split(' ').any(|word| TELLS.contains(&word)));
+    let plain = lead.iter().all(|item| {
+        matches!(item.sort, Sort::Word | Sort::Phrase(_))
+            && !item.is_any(&ORDERS)
+            && !item.is_any(&[Sense::Allow, Sense::Lift, Sense::Again])
+    });
+    (turns && tells && plain && opens > 1).then_some(opens)
 }
 
 /// What was read last, for deciding what a place word attaches to.

@@ -78,7 +78,9 @@ impl Joiner {
     }
 
     fn names_or_places(&mut self, draft: Draft, goes_on: bool) {
-        self.mentioned.extend(draft.all_names().filter(|name| !name.is_pronoun).cloned());
+        // What is named stands before where it is: "a crew on floor 2, keep back from them".
+        let placed = draft.regions.iter().flat_map(|region| &region.names);
+        self.mentioned.extend(placed.chain(draft.names.iter()).filter(|name| !name.is_pronoun).cloned());
         self.forget_old_mentions();
         if draft.names.is_empty() && draft.regions.is_empty() && draft.except.is_empty() {
             return;
