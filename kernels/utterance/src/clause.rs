@@ -96,7 +96,11 @@ pub const TALK: [Sense; 13] = [
 #[must_use]
 pub fn is_limit(draft: &Draft) -> bool {
     draft.has_any(&LIMITS)
-        || draft.quantities.iter().any(|q| matches!(q.kind, Kind::Speed | Kind::TurnRate | Kind::Fraction))
+        || draft.quantities.iter().any(|q| match q.kind {
+            Kind::Speed | Kind::TurnRate | Kind::Fraction => true,
+            Kind::Bare => ["faster", "slower", "quicker"].iter().any(|word| q.said.contains(word)),
+            Kind::Distance | Kind::Duration => false,
+        })
         || draft.has_any(&[Sense::Fast, Sense::TurnFast])
         || (draft.is_negated() && draft.has(Sense::VerbWake))
 }

@@ -14,6 +14,7 @@ use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
 use crate::quantity::{Bound, Kind};
 use crate::segment::Join;
+use crate::speech::{Speech, speech};
 
 /// Most names that a pronoun may mean. Chosen: people point back one sentence, not ten.
 const N_MENTIONS_MAX: usize = 8;
@@ -80,7 +81,18 @@ impl Joiner {
             _ => {}
         }
         // A statement with nothing to heed in it, or a task: told, not ordered.
-        let told = is_story(&draft) && !is_order(&draft);
+        let told = (is_story(&draft) || does_something(&draft)) && !is_order(&draft);
+        let mut draft = draft;
+        if told && !draft.leftover.is_empty() {
+            // "the bathroom door opens outwards": the verb went into the name.
+            for name in draft.names.iter_mut().filter(|name| name.n_words > 1) {
+                if let Some((rest, _)) = name.obj.rsplit_once(' ').filter(|_| name.reference.ends_with('s')) {
+                    name.obj = rest.to_owned();
+                    name.reference =
+                        name.reference.rsplit_once(' ').map_or_else(String::new, |(rest, _)| rest.to_owned());
+                }
+            }
+        }
         if is_order(&draft)
             && (!draft.has_any(&[Sense::Task, Sense::Chat, Sense::Question]) || has_strong_order(&draft))
         {
@@ -135,7 +147,16 @@ impl Joiner {
         if is_story(draft) || !is_order(draft) {
             loose.reverse();
         }
-        self.mentioned.extend(loose);
+        // "someone left a ladder there, mind it" is about the ladder; "the vase belonged to gran" about the vase.
+        let by_someone = loose.iter().all(|name| Nouns::get().is_someone(&name.obj));
+        if by_someone {
+            self.mentioned.extend(loose);
+            self.mentioned.extend(draft.told.iter().cloned());
+        } else {
+            let at = self.mentioned.len();
+            self.mentioned.splice(at..at, draft.told.iter().cloned());
+            self.mentioned.extend(loose);
+        }
         self.forget_old_mentions();
     }
 
@@ -501,4 +522,21 @@ fn is_told(draft: &Draft) -> bool {
 fn is_same_name(old: &Draft, new: &Draft) -> bool {
     let nouns = Nouns::get();
     old.all_names().any(|a| !a.is_pronoun && new.all_names().any(|b| nouns.same(&a.obj, &b.obj)))
+}
+
+/// "people queue there", "the door opens outwards": a verb that could be a noun gave itself away.
+fn does_something(draft: &Draft) -> bool {
+    let names = draft.names.iter().position(|name| name.is_pronoun).is_some_and(|at| at > 0)
+        && matches!(draft.join, Some(Join::Start | Join::Comma | Join::Because | Join::But) | None);
+    let manner = !draft.leftover.is_empty()
+        && draft
+            .leftover
+            .iter()
+            .all(|word| matches!(speech(word), Speech::Adverb | Speech::Verb | Speech::Participle));
+    draft.n_neg == 0
+        && draft.senses.iter().all(|sense| matches!(sense, Sense::Statement | Sense::Subject | Sense::Copula))
+        && draft.quantities.is_empty()
+        && draft.ttl_s.is_none()
+        && !draft.names.is_empty()
+        && (names || manner)
 }

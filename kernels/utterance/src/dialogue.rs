@@ -7,6 +7,7 @@ use crate::clause::{Clause, is_limit};
 use crate::draft::{Draft, Place};
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
+use crate::quantity::Kind;
 use crate::resolve::Trouble;
 use crate::update::update;
 
@@ -31,11 +32,19 @@ pub fn talk(
     fresh: &[Rule],
     profile: &Profile,
 ) -> Result<Option<Change>, Trouble> {
-    let pointed = with_antecedent(clause);
+    let pointed = with_antecedent(clause, active);
+    // "replace the rug rule with one metre": its number changes.
+    let mut pointed = pointed;
+    let renumbers = ["replace", "swap"].iter().any(|verb| pointed.words.starts_with(verb));
+    if renumbers && !pointed.quantities.is_empty() {
+        for sense in pointed.senses.iter_mut().filter(|sense| **sense == Sense::Revoke) {
+            *sense = Sense::Make;
+        }
+    }
     let draft = &pointed;
-    if let Some(word) =
-        draft.leftover.first().filter(|_| draft.has_any(&[Sense::Revoke, Sense::Make, Sense::Same]))
-    {
+    if let Some(word) = draft.leftover.first().filter(|_| {
+        draft.has_any(&[Sense::Revoke, Sense::Make, Sense::Same, Sense::Allow, Sense::Fine, Sense::Lift])
+    }) {
         return Err(Trouble::Ask(format!("I did not understand \"{word}\". Which rule do you mean?")));
     }
     if draft.has(Sense::StartOver) && draft.n_neg == 0 {
@@ -66,8 +75,16 @@ pub fn talk(
 }
 
 /// "we moved the rug, it's fine now": a pronoun means what was mentioned before, if anything was.
-fn with_antecedent(clause: &Clause) -> Draft {
+fn with_antecedent(clause: &Clause, active: &[Rule]) -> Draft {
     let mut draft = clause.draft.clone();
+    // "I changed my mind about the water, it should be a metre"
+    if let Some(name) = clause.antecedents.last().filter(|name| {
+        draft.has(Sense::Make)
+            && draft.all_names().next().is_none()
+            && active.iter().any(|rule| is_on(rule, name))
+    }) {
+        draft.names.push(name.clone());
+    }
     if let Some(name) = clause
         .antecedents
         .last()
@@ -147,6 +164,9 @@ pub fn is_on(rule: &Rule, name: &Name) -> bool {
 fn revoke(draft: &Draft, active: &[Rule]) -> Result<Change, Trouble> {
     if draft.has(Sense::OneOf) {
         return Err(which(active));
+    }
+    if let Some(quantity) = draft.quantities.iter().find(|quantity| quantity.kind != Kind::Bare) {
+        return Err(Trouble::Ask(format!("Should I forget a rule, or change it to {}?", quantity.said)));
     }
     if draft.has(Sense::AllRules) || draft.has(Sense::Everywhere) || draft.words.ends_with(" all") {
         let keep = |rule: &Rule| draft.except.iter().any(|name| is_on(rule, name));

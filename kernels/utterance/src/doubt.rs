@@ -120,6 +120,7 @@ fn is_carried(quantity: &Quantity, rules: &[Rule]) -> bool {
         Kind::Speed => near(rule.vel_max),
         Kind::TurnRate => near(rule.ang_vel_max),
         Kind::Fraction => rule.rule_type == RuleType::Kinematic,
-        Kind::Bare | Kind::Duration => true,
+        Kind::Bare => near(rule.vel_max) || near(Some(rule.buffer_m)),
+        Kind::Duration => true,
     })
 }

@@ -220,7 +220,7 @@ impl Nouns {
     /// Something that takes place rather than stands there: "a meeting in the boardroom".
     #[must_use]
     pub fn is_event(&self, obj: &str) -> bool {
-        self.lists.events.contains(self.head(obj)) || obj.split_whitespace().any(|word| word == "cleaning")
+        self.lists.events.contains(self.head(obj))
     }
 
     /// A person or an animal.

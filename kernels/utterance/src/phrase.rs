@@ -221,7 +221,27 @@ fn inside(items: &[Item], at: usize) -> bool {
     if ends
         && matches!(
             item.text.as_str(),
-            "stand" | "run" | "drive" | "park" | "lift" | "feed" | "water" | "ride" | "drop" | "guard"
+            "stand"
+                | "run"
+                | "drive"
+                | "park"
+                | "lift"
+                | "feed"
+                | "water"
+                | "ride"
+                | "drop"
+                | "guard"
+                | "brake"
+                | "brakes"
+                | "watch"
+                | "hold"
+                | "press"
+                | "reach"
+                | "cross"
+                | "limit"
+                | "limits"
+                | "space"
+                | "clear"
         )
     {
         return true;

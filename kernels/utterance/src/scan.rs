@@ -171,8 +171,16 @@ impl Scanner<'_> {
             let passes =
                 item.is_word() || plain || outside || !item.is_any(&ORDERS) && place_of(item).is_none();
             if passes {
-                self.draft.predicate.push(item.text.clone());
-                self.at += 1;
+                match noun_phrase(self.items, self.at, false) {
+                    Some((name, n_items)) if !name.is_pronoun => {
+                        self.draft.told.push(name);
+                        self.at += n_items;
+                    }
+                    _ => {
+                        self.draft.predicate.push(item.text.clone());
+                        self.at += 1;
+                    }
+                }
             }
             return passes;
         }
@@ -240,7 +248,7 @@ impl Scanner<'_> {
             _ if after_subject => {
                 // "I keep tripping over you" orders nothing.
                 let third = self.words_so_far_start_with_subject();
-                let be = self.at.checked_sub(1).and_then(|idx| self.items.get(idx));
+                let be = self.items.iter().take(self.at).find(|item| item.is(Sense::Subject));
                 let has_verb = be.is_some_and(|subject| subject.text.contains(' '));
                 third
                     && (item.is_word()
@@ -256,7 +264,7 @@ impl Scanner<'_> {
 
     /// Whether someone other than the robot is the subject.
     fn words_so_far_start_with_subject(&self) -> bool {
-        self.at.checked_sub(1).and_then(|idx| self.items.get(idx)).is_some_and(|item| {
+        self.items.iter().take(self.at).find(|item| item.is(Sense::Subject)).is_some_and(|item| {
             let first = item.text.split(' ').next().unwrap_or_default();
             matches!(first, "i" | "we" | "he" | "she" | "they" | "who") && item.is(Sense::Subject)
         })
@@ -624,6 +632,10 @@ impl Scanner<'_> {
         {
             self.draft.n_neg += 1;
             self.before = Before::Other;
+            return;
+        }
+        // "it also splashes"
+        if item.text == "also" && self.before == Before::LooseName {
             return;
         }
         // "the cat does not move": told of the cat.

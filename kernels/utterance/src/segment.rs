@@ -175,7 +175,8 @@ fn cut_before(
         first.is(Sense::Revoke)
             && matches!(first.text.as_str(), "replace" | "swap" | "swap out" | "substitute")
     });
-    if swaps && at > earlier.start + 1 && matches!(item.text.as_str(), "with" | "by" | "for") {
+    let new_number = matches!(next.map(|n| &n.sort), Some(Sort::Quantity(_))) && at + 2 >= items.len();
+    if swaps && !new_number && at > earlier.start + 1 && matches!(item.text.as_str(), "with" | "by" | "for") {
         return Some((Join::And, false));
     }
     if item.is(Sense::Because) && !is_order {
@@ -196,6 +197,9 @@ fn cut_before(
     {
         return Some((Join::If, false));
     }
+    if item.text == "then" && before.is_some_and(|b| b.is(Sense::Until)) {
+        return None;
+    }
     if item.is(Sense::And) {
         return Some((Join::And, false));
     }
@@ -206,7 +210,7 @@ fn cut_before(
         && !(matches!(item.text.as_str(), "only" | "just")
             && before.is_none_or(|b| {
                 b.is_any(&[Sense::Copula, Sense::Subject, Sense::Because, Sense::Pronoun])
-                    || matches!(b.text.as_str(), "has" | "have" | "had" | "was" | "were")
+                    || matches!(b.text.as_str(), "has" | "have" | "had" | "was" | "were" | "only")
             }))
     {
         let universal_exception = item.text == "but"
