@@ -102,6 +102,13 @@ impl Joiner {
             if !draft.quantities.is_empty() {
                 self.out.leftover.push(draft.words.clone());
             }
+            // "careful! there is lego on the rug": about the lego.
+            if draft.has(Sense::ThereIs)
+                && self.last == Last::Order
+                && let Some(clause) = self.out.orders.last_mut().filter(|clause| is_cry(&clause.draft))
+            {
+                clause.draft.names.extend(draft.names.iter().filter(|name| !name.is_pronoun).cloned());
+            }
             self.told_ttl_s = draft.ttl_s.or(self.told_ttl_s);
             let subjects: Vec<Name> = draft.names.iter().filter(|name| !name.is_pronoun).cloned().collect();
             if matches!(draft.join, Some(Join::And | Join::Comma)) && !subjects.is_empty() {
@@ -279,7 +286,7 @@ impl Joiner {
             if draft.regions.is_empty() {
                 draft.names.append(&mut self.waiting_names);
             }
-        } else if draft.has(Sense::Copula)
+        } else if (draft.has(Sense::Copula) || draft.has(Sense::Hold) && !draft.quantities.is_empty())
             && matches!(draft.join, Some(Join::And | Join::Or))
             && self.last == Last::Names
         {
@@ -337,7 +344,7 @@ impl Joiner {
         let bare = draft.regions.is_empty()
             && draft.names.is_empty()
             && !draft.has_any(&[Sense::Everywhere, Sense::PrepNear])
-            && draft.n_neg == 0;
+            && (draft.n_neg == 0 || draft.has(Sense::VerbWake));
         let Some(story) = self.out.stories.last().filter(|_| bare && self.last == Last::Reason) else {
             return;
         };
@@ -347,7 +354,7 @@ impl Joiner {
         let limit_of_it = draft.has_any(&[Sense::Slow, Sense::Crawl, Sense::Halt])
             && draft.quantities.is_empty()
             && (story.has(Sense::ThereIs) || nouns.is_place(&name.obj) || nouns.is_living(&name.obj));
-        if draft.has_any(&[Sense::Careful, Sense::Quiet]) || limit_of_it {
+        if draft.has_any(&[Sense::Careful, Sense::Quiet, Sense::VerbWake]) || limit_of_it {
             clause.draft.names.push(name.clone());
         }
     }
@@ -358,16 +365,9 @@ impl Joiner {
             draft.all_names().all(|name| name.is_pronoun) && !draft.has_any(&[Sense::Everywhere]);
         let told = is_told;
         // "shh, the baby is asleep": a cry, and then what it is about.
-        let cried = |old: &Draft| {
-            old.n_neg == 0
-                && old.regions.is_empty()
-                && old.names.is_empty()
-                && old.quantities.is_empty()
-                && old.senses.iter().all(|sense| matches!(sense, Sense::Quiet | Sense::Careful))
-        };
         if told(draft)
             && draft.has_any(&[Sense::Sleeping, Sense::Fragile])
-            && self.out.orders.last().is_some_and(|clause| cried(&clause.draft))
+            && self.out.orders.last().is_some_and(|clause| is_cry(&clause.draft))
         {
             self.out.orders.pop();
             return;
@@ -380,6 +380,7 @@ impl Joiner {
             told(&clause.draft) && (gives_why(&clause.draft) || about_it(&clause.draft))
         }) && let Some(clause) = self.out.orders.pop()
         {
+            self.last = Last::Reason;
             self.out.stories.push(clause.draft);
         }
     }
@@ -539,4 +540,14 @@ fn does_something(draft: &Draft) -> bool {
         && draft.ttl_s.is_none()
         && !draft.names.is_empty()
         && (names || manner)
+}
+
+/// "shh!", "careful!": a manner, and nothing said of where.
+fn is_cry(draft: &Draft) -> bool {
+    draft.n_neg == 0
+        && draft.regions.is_empty()
+        && draft.names.is_empty()
+        && draft.quantities.is_empty()
+        && !draft.senses.is_empty()
+        && draft.senses.iter().all(|sense| matches!(sense, Sense::Quiet | Sense::Careful | Sense::Attention))
 }

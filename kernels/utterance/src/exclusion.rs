@@ -27,7 +27,10 @@ pub fn exclusion(draft: &Draft) -> Result<Vec<Rule>, Trouble> {
         Sense::NeedsSpace,
         Sense::Wider,
     ]) || draft.has(Sense::From) && draft.quantity(Kind::Distance).is_some()
-        || draft.quantity(Kind::Distance).is_some_and(|q| draft.has(Sense::Hold) || q.bound == Bound::Lower);
+        || draft
+            .quantity(Kind::Distance)
+            .is_some_and(|q| draft.has_any(&[Sense::Hold, Sense::ForWhom]) || q.bound == Bound::Lower)
+        || draft.has(Sense::VerbPast) && !draft.is_negated() && draft.quantity(Kind::Distance).is_some();
     let close = draft.quantity(Kind::Distance).is_some_and(|q| match q.bound {
         Bound::Upper | Bound::Within => !draft.is_negated(),
         Bound::Over => draft.is_negated(),
@@ -86,8 +89,9 @@ pub fn exclusion(draft: &Draft) -> Result<Vec<Rule>, Trouble> {
 /// "no space for you here" apart: words that say the same as their negation.
 fn negation_agrees(draft: &Draft) -> bool {
     // "do not go within 1 m", "no closer than", "not allowed", "never leave less than 1 m".
-    let bounded =
-        draft.quantity(Kind::Distance).is_some_and(|q| matches!(q.bound, Bound::Within | Bound::Lower));
+    let bounded = draft.quantity(Kind::Distance).is_some_and(|q| {
+        matches!(q.bound, Bound::Within | Bound::Lower) || q.bound == Bound::Upper && q.said.contains("less")
+    });
     let deed = draft.has_any(&[
         Sense::Motion,
         Sense::VerbOn,
@@ -103,12 +107,16 @@ fn negation_agrees(draft: &Draft) -> bool {
 /// Relation and distance of a name that no place word governs.
 fn loose_relation(draft: &Draft, name: &Name) -> Result<(Relation, f64, bool), Trouble> {
     let said = said_distance(draft);
+    let at_least = draft.quantity(Kind::Distance).is_some_and(|q| q.bound == Bound::Lower);
     let (relation, default) = if draft.has(Sense::Wide) {
         (Relation::Near, vague::WIDE_M)
     } else if draft.has_any(&[Sense::Away, Sense::NeedsSpace, Sense::From, Sense::Wider]) {
         (Relation::Near, vague::AWAY_M)
     } else if draft.has(Sense::StayOff) {
         (Relation::On, 0.0)
+    } else if draft.has(Sense::VerbPast) && !draft.is_negated() && said.is_some() {
+        // "pass the vase with half a metre to spare"
+        (Relation::Near, vague::AWAY_M)
     } else if draft.has(Sense::VerbPast) {
         (Relation::Beyond, 0.0)
     } else if draft.has(Sense::VerbOn) {
@@ -122,7 +130,8 @@ fn loose_relation(draft: &Draft, name: &Name) -> Result<(Relation, f64, bool), T
     } else if draft.has(Sense::Closed) && Nouns::get().is_place(&name.obj) {
         (Relation::On, 0.0)
     } else if said.is_some()
-        && (draft.has(Sense::Hold)
+        && (draft.has_any(&[Sense::Hold, Sense::ForWhom])
+            || at_least
             || draft.is_negated()
                 && (draft.has_any(&[Sense::Motion, Sense::SelfRef])
                     || draft.quantity(Kind::Distance).is_some_and(|q| q.bound == Bound::Within)))

@@ -47,6 +47,12 @@ struct Pattern {
     gap: usize,
     #[serde(default)]
     may_be_told: bool,
+    /// Nothing may stand between the verb and its object that gives the object to another.
+    #[serde(default)]
+    direct: bool,
+    /// It fires only where an order begins.
+    #[serde(default)]
+    needs_order: bool,
     /// Phrases that make it harmless when they follow within [`UNLESS_GAP`] words.
     #[serde(default)]
     unless: Option<Phrases>,
@@ -62,6 +68,8 @@ struct Words {
     stories: Vec<String>,
     stories_of_two: Vec<String>,
     nouns_after: Vec<String>,
+    parted_by: Vec<String>,
+    orders_after: Vec<String>,
     harmless: Phrases,
 }
 
@@ -91,7 +99,9 @@ pub fn is_unsafe(text: &str) -> Option<Unsafe> {
         if words[at].is_mark() || matches!(word, "and" | "but" | "then" | "so" | "because" | "while" | "just")
         {
             // "do not bump, scratch or hit": the negation reaches over the list.
-            negated = negated && carries && !matches!(word, "." | ";" | "!" | "?" | "but" | "so");
+            let starts_anew = matches!(word, "." | ";" | "!" | "?" | "but" | "so")
+                || word == "just" && at > 0 && !file.words.negations.contains(&words[at - 1].text);
+            negated = negated && carries && !starts_anew;
             at += 1;
             continue;
         }
@@ -100,7 +110,8 @@ pub fn is_unsafe(text: &str) -> Option<Unsafe> {
             let Some(n_verb) = longest(&pattern.verbs, &words, at) else { continue };
             if negated {
                 carries = true;
-            } else if let Some(end) = object_end(pattern, &words, at + n_verb)
+            } else if let Some(end) = object_end(pattern, &file.words, &words, at + n_verb)
+                && !(pattern.needs_order && !begins_order(&file.words, &words, at))
                 && !(pattern.may_be_told && is_told(&file.words, &words, at))
                 && !is_harmless(pattern, &words, at + n_verb)
             {
@@ -126,7 +137,7 @@ fn longest(phrases: &Phrases, words: &[Token], at: usize) -> Option<usize> {
 }
 
 /// Where the pattern's object ends, within its gap and its clause.
-fn object_end(pattern: &Pattern, words: &[Token], start: usize) -> Option<usize> {
+fn object_end(pattern: &Pattern, table: &Words, words: &[Token], start: usize) -> Option<usize> {
     if pattern.objects.0.is_empty() {
         return Some(start);
     }
@@ -134,11 +145,26 @@ fn object_end(pattern: &Pattern, words: &[Token], start: usize) -> Option<usize>
         if let Some(n) = longest(&pattern.objects, words, at) {
             return Some(at + n);
         }
-        if words.get(at).is_some_and(Token::is_mark) {
+        let parts = words.get(at).is_some_and(|token| {
+            token.is_mark()
+                || pattern.direct
+                    && (table.parted_by.contains(&token.text)
+                        || token.text.starts_with(|c: char| c.is_ascii_digit()))
+        });
+        if parts {
             return None;
         }
     }
     None
+}
+
+/// Whether the verb stands where an order begins: first of its clause, or after a word of asking.
+fn begins_order(table: &Words, words: &[Token], at: usize) -> bool {
+    at.checked_sub(1).and_then(|idx| words.get(idx)).is_none_or(|before| {
+        before.is_mark()
+            || matches!(before.text.as_str(), "and" | "but" | "so" | "or")
+            || table.orders_after.contains(&before.text)
+    })
 }
 
 /// Whether what follows the verb shows that a number is meant.

@@ -70,8 +70,12 @@ pub fn limit_of(draft: &Draft, profile: &Profile) -> Result<Limit, Trouble> {
     ]);
     let spins = draft.has(Sense::TurnFast) && !slow_words;
     if !negated && (spins || draft.has_any(&[Sense::Fast, Sense::Faster])) {
-        return Err(if slow_words {
-            Trouble::Ask("Slow or fast: which should it be?".into())
+        let plain = draft.regions.is_empty()
+            && draft.names.is_empty()
+            && draft.quantities.is_empty()
+            && draft.leftover.is_empty();
+        return Err(if slow_words || !plain {
+            Trouble::Ask("I can promise a top speed, not to be fast. How fast at most?".into())
         } else {
             Trouble::Unsupported("promise to be fast".into())
         });
@@ -171,7 +175,12 @@ fn upper(quantity: &Quantity, negated: bool) -> Result<(), Trouble> {
     let minimum = match quantity.bound {
         Bound::Lower => true,
         Bound::Over => !negated,
-        Bound::Upper => negated && !quantity.said.contains("more") && !quantity.said.contains("faster"),
+        Bound::Upper => {
+            negated
+                && ["under", "below", "less", "slower", "lower"]
+                    .iter()
+                    .any(|word| quantity.said.contains(word))
+        }
         Bound::Plain | Bound::Within => false,
     };
     if minimum { Err(Trouble::Unsupported("promise a minimum speed".into())) } else { Ok(()) }

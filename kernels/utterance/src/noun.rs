@@ -124,6 +124,11 @@ impl Nouns {
             words.remove(0);
         }
         let Some((last, rest)) = words.split_last() else { return String::new() };
+        // "the nurses' (way)": of the nurses.
+        let owner = last.strip_suffix("'s").or_else(|| last.strip_suffix('\''));
+        if let Some(owner) = owner {
+            return self.singular(owner);
+        }
         let head =
             if last.chars().all(|c| c.is_ascii_digit()) { (*last).to_owned() } else { self.singular(last) };
         let mut out: Vec<&str> = rest.to_vec();

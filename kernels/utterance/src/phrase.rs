@@ -71,7 +71,11 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
                 && nounable(
                     items,
                     idx,
-                    determined || (expected && !item.is_any(&[Sense::Motion, Sense::Hold])),
+                    determined
+                        || (expected
+                            && (!item.is_any(&[Sense::Motion, Sense::Hold])
+                                || item.text.ends_with("ing")
+                                    && items.get(idx + 1).is_some_and(Item::is_word))),
                 ))
             || (idx > words_start && !item.is_word() && inside(items, idx));
         if !takes || idx - words_start >= WORDS_MAX {
@@ -89,6 +93,15 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
     let mut reference: Vec<&str> = words.clone();
     if let Some(item) = pointed {
         reference.push(&item.text);
+        idx += 1;
+    }
+    // "the nurses' way", "the dog's space": theirs.
+    let owned = words.last().is_some_and(|word| word.ends_with('\'') || word.ends_with("'s"));
+    if owned
+        && items.get(idx).is_some_and(|item| {
+            matches!(item.text.as_str(), "way" | "path" | "space" | "personal space" | "own")
+        })
+    {
         idx += 1;
     }
     while items.get(idx).is_some_and(|item| item.is(Sense::Of)) {
@@ -134,6 +147,13 @@ fn inner_words(items: &[Item], at: usize) -> Option<(Vec<&str>, usize)> {
 /// Whether a word without a sense belongs to the name: verbs end it, participles need a noun after them.
 fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
     let Some(item) = items.get(at) else { return false };
+    // Never part of a name, whatever follows.
+    if matches!(
+        item.text.as_str(),
+        "than" | "else" | "ago" | "per" | "via" | "despite" | "versus" | "unlike" | "lot" | "sake"
+    ) {
+        return false;
+    }
     let next_is_name = items.get(at + 1).is_some_and(|next| {
         next.is_word() && speech(&next.text) != Speech::Verb
             || matches!(next.text.as_str(), "room" | "rooms" | "left" | "right" | "stand" | "space")
@@ -207,9 +227,10 @@ fn inside(items: &[Item], at: usize) -> bool {
     let Some(item) = items.get(at) else { return false };
     let next_is_word = items.get(at + 1).is_some_and(Item::is_word);
     // "tv stand", "dog run": a verb by itself cannot end an order that has a name before it.
-    let ends = items
-        .get(at + 1)
-        .is_none_or(|next| next.is_any(&[Sense::Copula, Sense::And, Sense::Or]) || next.sort == Sort::Mark);
+    let ends = items.get(at + 1).is_none_or(|next| {
+        next.is_any(&[Sense::Copula, Sense::And, Sense::Or, Sense::PrepOn, Sense::PrepNear])
+            || next.sort == Sort::Mark
+    });
     let before = at.checked_sub(1).and_then(|idx| items.get(idx));
     if item.text == "can" && before.is_some_and(|word| Nouns::get().has_can(&word.text)) {
         return true;
@@ -231,6 +252,9 @@ fn inside(items: &[Item], at: usize) -> bool {
                 | "ride"
                 | "drop"
                 | "guard"
+                | "call"
+                | "order"
+                | "visit"
                 | "brake"
                 | "brakes"
                 | "watch"

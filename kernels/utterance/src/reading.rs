@@ -282,8 +282,23 @@ impl Context<'_> {
             let question = format!("Is \"{}\" a rule? Please say what I should heed.", doubtful.words);
             return answer::clarify(&question, vec![]);
         }
-        let half_heard = !clauses.leftover.is_empty()
-            && clauses.orders.iter().any(|clause| has_strong_order(&clause.draft));
+        let orders = |draft: &Draft| {
+            draft.has_any(&[
+                Sense::Avoid,
+                Sense::StayOff,
+                Sense::Wide,
+                Sense::Slow,
+                Sense::Crawl,
+                Sense::Careful,
+                Sense::Quiet,
+                Sense::OffLimits,
+                Sense::Fragile,
+            ]) && draft.senses.first() != Some(&Sense::Task)
+        };
+        let sounds_like_one = clauses.others.iter().chain(&clauses.stories).any(orders);
+        let half_heard = sounds_like_one
+            || !clauses.leftover.is_empty()
+                && clauses.orders.iter().any(|clause| has_strong_order(&clause.draft));
         if (!clauses.others.is_empty() || sum.not_safety) && !half_heard {
             return answer::refuse(
                 RefuseReason::NotSafety,

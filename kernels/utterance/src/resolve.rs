@@ -68,6 +68,10 @@ fn check_words(draft: &Draft) -> Result<(), Trouble> {
     if draft.has(Sense::History) {
         return Err(Trouble::Unsupported("count or remember what I did before".into()));
     }
+    let in_a_place = !draft.regions.is_empty() || !draft.names.is_empty();
+    if draft.has(Sense::MinSpeed) && in_a_place && draft.quantities.is_empty() {
+        return Err(Trouble::Ask("I cannot promise to keep moving. What should I heed there?".into()));
+    }
     if draft.has(Sense::MinSpeed) {
         return Err(Trouble::Unsupported("promise a minimum speed".into()));
     }
@@ -119,7 +123,8 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
         })
     });
     let mut own: Option<Name> = None;
-    let place = clause.places.last().cloned();
+    let is_place = |name: &&Name| Nouns::get().is_place(&name.obj);
+    let place = clause.places.iter().rev().find(is_place).or(clause.places.last()).cloned();
     let onto = draft
         .regions
         .iter_mut()

@@ -368,7 +368,13 @@ impl Scanner<'_> {
             Sense::Fine,
             Sense::Pronoun,
         ]);
-        if item.is_word() || told && !means {
+        let particle = matches!(
+            item.text.as_str(),
+            "out" | "off" | "away" | "back" | "up" | "down" | "over" | "outside"
+        ) && self
+            .peek(1)
+            .is_none_or(|next| !next.is(Sense::Det) && !next.is_word() || next.sort == Sort::Mark);
+        if item.is_word() || particle || told && !means {
             self.draft.predicate.push(item.text.clone());
             self.at += 1;
             return true;
@@ -443,7 +449,10 @@ impl Scanner<'_> {
         let Some(place) = place_of(item) else { return false };
         // "time to grow", "stay back to let them pass": a purpose, not a place.
         if place == Place::To
-            && self.peek(0).is_some_and(|next| next.is_word() && speech(&next.text) == Speech::Verb)
+            && self.peek(0).is_some_and(|next| {
+                next.is_word() && speech(&next.text) == Speech::Verb
+                    || next.is_any(&[Sense::Fine, Sense::Statement, Sense::Sleeping])
+            })
         {
             self.draft.predicate.push(item.text.clone());
             self.before = Before::Told;
@@ -655,6 +664,18 @@ impl Scanner<'_> {
         {
             self.draft.senses.push(Sense::Statement);
             self.before = Before::Told;
+            return;
+        }
+        // "give me a metre": from me.
+        let space_next = self.peek(0).is_some_and(|next| {
+            matches!(&next.sort, Sort::Quantity(q) if q.kind == Kind::Distance)
+                || next.is_any(&[Sense::Away, Sense::Wide])
+        });
+        if item.text == "give me" && space_next {
+            self.draft.senses.push(Sense::Hold);
+            let me = Name { obj: "me".into(), reference: "me".into(), n_words: 1, ..Name::default() };
+            self.draft.names.push(me);
+            self.before = Before::Other;
             return;
         }
         let chosen = choose(item, senses, &self.draft, self.peek(0));

@@ -256,7 +256,10 @@ fn cut_before(
     {
         return Some((Join::So, true));
     }
-    if (open == Join::If || open == Join::Because && is_first) && named && begins_order(items, at) {
+    if (matches!(open, Join::If | Join::Until) || open == Join::Because && is_first)
+        && named
+        && begins_order(items, at)
+    {
         return Some((Join::Bare, true));
     }
     // A new subject after a name opens a reason: "the stove | it is hot".

@@ -8,7 +8,7 @@ use crate::dialogue::{Change, is_on};
 use crate::draft::Draft;
 use crate::lexicon::Sense;
 use crate::noun::Name;
-use crate::quantity::{Kind, Quantity, round_safe};
+use crate::quantity::{Bound, Kind, Quantity, round_safe};
 use crate::resolve::Trouble;
 use crate::vague;
 
@@ -76,7 +76,8 @@ pub fn update(
             Sense::Away,
             Sense::From,
         ]) || is_limit(draft)
-            || draft.has(Sense::Wider) && !named.is_empty();
+            || draft.has(Sense::Wider) && !named.is_empty()
+            || !named.is_empty() && draft.quantities.iter().any(|q| q.bound == Bound::Lower);
         return if stands_alone && !draft.has(Sense::Faster) {
             Ok(None)
         } else if draft.has(Sense::Faster) {

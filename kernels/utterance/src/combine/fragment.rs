@@ -11,6 +11,28 @@ use crate::segment::Join;
 impl Joiner {
     /// A stretch without an order, task or story.
     pub(super) fn fragment(&mut self, mut draft: Draft) {
+        // "don't go behind the tv, loads of wires": why.
+        const MANY: [&str; 10] = [
+            "loads ",
+            "lots ",
+            "plenty ",
+            "tons ",
+            "heaps ",
+            "masses ",
+            "too many ",
+            "too much ",
+            "so many ",
+            "full ",
+        ];
+        if self.last == Last::Order
+            && matches!(draft.join, Some(Join::Comma | Join::Start))
+            && draft.senses.is_empty()
+            && draft.quantities.is_empty()
+            && MANY.iter().any(|many| draft.words.starts_with(many))
+        {
+            self.out.stories.push(draft);
+            return;
+        }
         // "play hide and seek", "bring tea and biscuits": more of the task.
         let of_task = self.last == Last::Other
             && (matches!(draft.join, Some(Join::And | Join::Or))
@@ -54,6 +76,31 @@ impl Joiner {
             }
             return;
         }
+        // "give cyclists 1.5 m and pedestrians 1 m": the same order with another name and number.
+        let one_number = draft.quantities.len() == 1 && draft.senses.is_empty() && draft.n_neg == 0;
+        let kind = draft.quantities.first().map(|quantity| quantity.kind);
+        if self.last == Last::Order
+            && one_number
+            && goes_on
+            && !draft.names.is_empty()
+            && draft.regions.is_empty()
+            && kind == Some(Kind::Distance)
+            && let Some(model) = self.out.orders.last().filter(|clause| {
+                clause.draft.quantity(Kind::Distance).is_some()
+                    && !is_limit(&clause.draft)
+                    && clause.draft.regions.len() <= 1
+            })
+        {
+            let mut again = model.clone();
+            match again.draft.regions.last_mut() {
+                Some(region) if again.draft.names.is_empty() => region.names = draft.names,
+                _ => again.draft.names = draft.names,
+            }
+            again.draft.quantities = draft.quantities;
+            again.draft.ttl_s = draft.ttl_s.or(again.draft.ttl_s);
+            self.out.orders.push(again);
+            return;
+        }
         if draft.has(Sense::AsWell) && !draft.names.is_empty() && self.last != Last::Order {
             return self.order(draft);
         }
@@ -86,6 +133,13 @@ impl Joiner {
             return;
         }
         if goes_on && self.last == Last::Reason && !draft.names.is_empty() && draft.regions.is_empty() {
+            // "stay off the tiles, they are wet, and the rug": more of the reason, or of the order?
+            let of_order = draft.join == Some(Join::And)
+                && self.out.stories.last().is_some_and(|story| story.join != Some(Join::Because))
+                && !self.out.orders.is_empty();
+            if of_order {
+                self.out.unclaimed.extend(draft.names);
+            }
             return;
         }
         // "cleaning in progress in the restroom": the place is meant.

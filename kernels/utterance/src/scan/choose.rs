@@ -35,6 +35,9 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
         {
             return Some(Sense::Avoid);
         }
+        "leave" if next.is_some_and(|n| matches!(n.sort, crate::item::Sort::Quantity(_))) => {
+            return Some(Sense::Hold);
+        }
         "leave" => return Some(if draft.is_negated() { Sense::VerbLeave } else { Sense::Hold }),
         "drop" if next.is_some_and(|n| n.is(Sense::To)) => return Some(Sense::Dampen),
         "out" if draft.has(Sense::VerbWake) => return None,
@@ -54,6 +57,13 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
         }
         // "the grass here is poisonous"
         "here is" | "here are" if !draft.names.is_empty() => return Some(Sense::Copula),
+        "gets" | "get"
+            if next.is_some_and(
+                |n| matches!(&n.sort, crate::item::Sort::Quantity(q) if q.kind == Kind::Distance),
+            ) =>
+        {
+            return Some(Sense::Hold);
+        }
         "gets" if draft.names.iter().any(|name| !name.is_pronoun) => return Some(Sense::Copula),
         "too fast" | "too quickly" | "so fast" | "that fast" if draft.is_negated() => {
             return Some(Sense::Fast);
