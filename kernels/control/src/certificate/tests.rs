@@ -118,6 +118,34 @@ fn a_plan_that_keeps_nothing_is_not_certified() {
 }
 
 #[test]
+fn a_margin_of_exactly_zero_is_not_kept() {
+    let layout = Layout::new(Point2::new(-1.0, -1.0), 0.05, Shape { n_cols: 40, n_rows: 40 }).unwrap();
+    let at_rest = |distance_m: f32| {
+        let field = Arc::new(DistanceField::from_values(layout, vec![distance_m; 1600]).unwrap());
+        let world = World { base: vec![BaseLayer { name: "all round".into(), field }], ..World::default() };
+        let start = at_speed(0.0);
+        certify(&scene(&world, start, EXACT), &roll(start, &[]))
+    };
+    assert_eq!(at_rest(0.25), Err(Breach::Near(Source::Base(0), 0.0)));
+    assert_eq!(at_rest(0.5), Ok((0.25, Some(Source::Base(0)))));
+}
+
+#[test]
+fn what_a_plan_comes_too_near_to_is_named_and_a_plan_that_ends_moving_names_nothing() {
+    let start = at_speed(1.0);
+    let world = walled(0.3);
+    let breach = certify(&scene(&world, start, EXACT), &roll(start, &[])).unwrap_err();
+    assert_eq!(breach.source(), Some(Source::Base(0)));
+    let world = limited(None, Some(0.2), Some(0.2));
+    let source_of = |controls: &[Control], start| {
+        certify(&scene(&world, start, EXACT), &roll(start, controls)).unwrap_err().source()
+    };
+    assert_eq!(source_of(&hold(0.0, 3.0, 4), at_speed(0.0)), Some(Source::Rule(0)));
+    assert_eq!(source_of(&hold(1.0, 0.0, 4), at_speed(0.0)), Some(Source::Rule(0)));
+    assert_eq!(Breach::Moving.source(), None);
+}
+
+#[test]
 fn the_first_segment_is_checked_like_every_other() {
     // The robot drives away, but its first sample already touches the wall.
     let start = State { yaw_rad: std::f64::consts::PI, speed_m_s: 0.5, ..State::default() };
@@ -312,6 +340,18 @@ fn an_obstacle_that_may_move_comes_nearer_while_the_robot_moves() {
     let (kept_m, _) =
         certify(&Scene::of(&mapped, start, assumptions, &|_| false), &roll(start, &[])).unwrap();
     assert!((kept_m - (0.9 - 0.25 - BRAKING_M)).abs() < 1e-4);
+}
+
+#[test]
+fn what_may_have_come_nearer_is_counted_from_now_and_not_from_the_plans_beginning() {
+    let world = World { points: vec![Point2::new(1.0, 0.0)], ..World::default() };
+    let mut plan = roll(at_speed(1.0), &[]);
+    plan.advance(0.1);
+    let kept = |closing_speed_m_s: f64| {
+        let assumptions = Assumptions { closing_speed_m_s, ..assumptions(EXACT) };
+        certify(&Scene::of(&world, plan.state_now(), assumptions, &|_| false), &plan).unwrap().0
+    };
+    assert!((kept(0.0) - kept(0.2) - 0.2 * (BRAKING_S - 0.1)).abs() < 1e-9);
 }
 
 proptest! {
