@@ -12,7 +12,7 @@ use super::*;
 use crate::config::Disturbance;
 use crate::dynamics::{Control, Limits, State};
 use crate::margin::{BaseLayer, Demand, RuleLayer, World};
-use crate::scene::Assumptions;
+use crate::scene::{Assumptions, LIMIT_TOLERANCE};
 
 const EXACT: Disturbance = Disturbance { position_m: 0.0, yaw_rad: 0.0, speed_m_s: 0.0, delay_s: 0.0 };
 /// Fields are in f32.
@@ -309,6 +309,18 @@ fn only_the_measured_speed_is_forgiven_its_error() {
     assert!(certify(&scene(&world, start, noisy), &roll(start, &down)).is_ok());
     let held = hold(0.0, 0.0, 2);
     assert!(matches!(certify(&scene(&world, start, noisy), &roll(start, &held)), Err(Breach::Fast(..))));
+}
+
+#[test]
+fn too_fast_for_a_limit_is_who_is_beyond_it_by_more_than_the_error_of_measurement() {
+    let noisy = Disturbance { speed_m_s: 0.05, ..EXACT };
+    let world = limited(None, Some(0.4), None);
+    // The tolerance of a limit is 0.01.
+    let brakes_from = |speed_m_s| scene(&world, at_speed(speed_m_s), noisy).limits[0].braking_from_m_s;
+    assert_eq!(brakes_from(0.455), None);
+    assert_eq!(brakes_from(0.465), Some(0.465));
+    let at_the_limit = scene(&world, at_speed(0.4 + LIMIT_TOLERANCE), EXACT);
+    assert_eq!(at_the_limit.limits[0].braking_from_m_s, None);
 }
 
 #[test]
