@@ -14,6 +14,8 @@ pub struct Clause {
     pub antecedents: Vec<Name>,
     /// Names mentioned before it as places; what "there" and "on it" may mean.
     pub places: Vec<Name>,
+    /// Names told of together before it: what "them" and "both" mean.
+    pub group: Vec<Name>,
     /// Whether its place came from a condition said before it.
     pub is_conditioned: bool,
     /// Conditions the robot cannot observe, as said.
@@ -94,7 +96,11 @@ pub const TALK: [Sense; 13] = [
 #[must_use]
 pub fn is_limit(draft: &Draft) -> bool {
     draft.has_any(&LIMITS)
-        || draft.quantities.iter().any(|q| matches!(q.kind, Kind::Speed | Kind::TurnRate | Kind::Fraction))
+        || draft.quantities.iter().any(|q| match q.kind {
+            Kind::Speed | Kind::TurnRate | Kind::Fraction => true,
+            Kind::Bare => ["faster", "slower", "quicker"].iter().any(|word| q.said.contains(word)),
+            Kind::Distance | Kind::Duration => false,
+        })
         || draft.has_any(&[Sense::Fast, Sense::TurnFast])
         || (draft.is_negated() && draft.has(Sense::VerbWake))
 }
@@ -115,9 +121,15 @@ pub fn is_order(draft: &Draft) -> bool {
         || draft.has_any(&TALK)
         || draft.has(Sense::Contain)
         || (draft.n_neg > 0
-            && (draft.has_any(&DEEDS) || (!draft.has(Sense::Copula) && draft.all_names().next().is_some())))
+            && (draft.has_any(&DEEDS)
+                || (!draft.has_any(&[Sense::Copula, Sense::Statement])
+                    && draft.all_names().next().is_some())))
         || (draft.quantity(Kind::Distance).is_some() && draft.has(Sense::From))
         || (draft.has(Sense::Hold) && !draft.quantities.is_empty())
+        || (draft.senses.first() == Some(&Sense::Hold)
+            && draft.n_neg == 0
+            && ["stay", "keep", "remain"].iter().any(|verb| draft.words.starts_with(verb))
+            && draft.regions.iter().any(|region| region.place == Place::Near))
         || positive_side
         || draft.has_any(&[Sense::History, Sense::MinSpeed, Sense::StartOver])
         || draft.quantities.iter().any(|q| q.kind == Kind::Distance && q.bound == Bound::Lower)

@@ -9,11 +9,12 @@ use crate::clause::{
     Clause, Clauses, EXCLUSIONS, TALK, has_strong_order, is_limit, is_order, is_other, is_story,
 };
 use crate::condition::apply;
-use crate::draft::{Draft, Region};
+use crate::draft::{Draft, Place, Region};
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
 use crate::quantity::{Bound, Kind};
 use crate::segment::Join;
+use crate::speech::{Speech, speech};
 
 /// Most names that a pronoun may mean. Chosen: people point back one sentence, not ten.
 const N_MENTIONS_MAX: usize = 8;
@@ -41,6 +42,10 @@ struct Joiner {
     waiting_ttl_s: Option<u64>,
     waiting_except: Vec<Name>,
     note: Option<String>,
+    /// Names told of together: "the lamp, the mirror and the vase are all glass".
+    group: Vec<Name>,
+    /// A time that a story told: "it needs 20 minutes to dry".
+    told_ttl_s: Option<u64>,
     /// Whether the sentence opened as a question ("why are you | so slow").
     in_question: bool,
     last: Last,
@@ -76,7 +81,18 @@ impl Joiner {
             _ => {}
         }
         // A statement with nothing to heed in it, or a task: told, not ordered.
-        let told = is_story(&draft) && !is_order(&draft);
+        let told = (is_story(&draft) || does_something(&draft)) && !is_order(&draft);
+        let mut draft = draft;
+        if told && !draft.leftover.is_empty() {
+            // "the bathroom door opens outwards": the verb went into the name.
+            for name in draft.names.iter_mut().filter(|name| name.n_words > 1) {
+                if let Some((rest, _)) = name.obj.rsplit_once(' ').filter(|_| name.reference.ends_with('s')) {
+                    name.obj = rest.to_owned();
+                    name.reference =
+                        name.reference.rsplit_once(' ').map_or_else(String::new, |(rest, _)| rest.to_owned());
+                }
+            }
+        }
         if is_order(&draft)
             && (!draft.has_any(&[Sense::Task, Sense::Chat, Sense::Question]) || has_strong_order(&draft))
         {
@@ -85,6 +101,16 @@ impl Joiner {
             self.mention(&draft);
             if !draft.quantities.is_empty() {
                 self.out.leftover.push(draft.words.clone());
+            }
+            self.told_ttl_s = draft.ttl_s.or(self.told_ttl_s);
+            let subjects: Vec<Name> = draft.names.iter().filter(|name| !name.is_pronoun).cloned().collect();
+            if matches!(draft.join, Some(Join::And | Join::Comma)) && !subjects.is_empty() {
+                if self.last == Last::Names {
+                    self.group.append(&mut self.waiting_names);
+                }
+                self.group.extend(subjects);
+            } else {
+                self.group = subjects;
             }
             self.out.stories.push(draft);
             self.last = Last::Reason;
@@ -121,7 +147,16 @@ impl Joiner {
         if is_story(draft) || !is_order(draft) {
             loose.reverse();
         }
-        self.mentioned.extend(loose);
+        // "someone left a ladder there, mind it" is about the ladder; "the vase belonged to gran" about the vase.
+        let by_someone = loose.iter().all(|name| Nouns::get().is_someone(&name.obj));
+        if by_someone {
+            self.mentioned.extend(loose);
+            self.mentioned.extend(draft.told.iter().cloned());
+        } else {
+            let at = self.mentioned.len();
+            self.mentioned.splice(at..at, draft.told.iter().cloned());
+            self.mentioned.extend(loose);
+        }
         self.forget_old_mentions();
     }
 
@@ -143,11 +178,29 @@ impl Joiner {
 
     fn until(&mut self, draft: Draft) {
         let words = draft.words.clone();
-        if !draft.quantities.is_empty() {
+        if let Some(ttl_s) = draft.ttl_s.filter(|_| words.ends_with("from now") || words.ends_with("later")) {
+            return self.lasts(ttl_s);
+        }
+        // "the floor needs 20 minutes to dry, keep off it till then"
+        if words == "then"
+            && let Some(ttl_s) = self.told_ttl_s.take()
+        {
+            return self.lasts(ttl_s);
+        }
+        if !draft.quantities.is_empty() || draft.ttl_s.is_some() {
             self.out.leftover.push(words.clone());
         }
         self.note_down(format!("until {words}"));
         self.last = Last::Reason;
+    }
+
+    /// A lifetime for the latest order, or for the next one.
+    fn lasts(&mut self, ttl_s: u64) {
+        match self.out.orders.last_mut() {
+            Some(clause) if clause.draft.ttl_s.is_none() => clause.draft.ttl_s = Some(ttl_s),
+            Some(_) => self.out.leftover.push(format!("{ttl_s} seconds")),
+            None => self.waiting_ttl_s = Some(ttl_s),
+        }
     }
 
     fn note_down(&mut self, words: String) {
@@ -187,15 +240,41 @@ impl Joiner {
             && draft.senses.is_empty()
             && draft.regions.is_empty()
             && draft.quantities.is_empty();
-        if let (true, Some(clause)) = (lets_off && !draft.names.is_empty(), self.out.orders.last_mut()) {
+        let last_allows =
+            self.out.orders.last().is_some_and(|clause| clause.draft.has_any(&[Sense::Allow, Sense::Fine]));
+        if lets_off && last_allows && !draft.names.is_empty() {
+            // "you may enter the office but not the server room"
+            let place = self
+                .out
+                .orders
+                .last()
+                .and_then(|clause| clause.draft.regions.first())
+                .map_or(Place::On, |r| r.place);
+            draft.regions.push(Region { place, names: std::mem::take(&mut draft.names) });
+            draft.senses.push(Sense::Motion);
+        } else if let (true, Some(clause)) = (lets_off && !draft.names.is_empty(), self.out.orders.last_mut())
+        {
             clause.draft.except.append(&mut draft.names);
+            return;
+        }
+        // "keep a metre from the lamp, it falls over easily": why, not a second order.
+        let why =
+            is_told(&draft)
+                && self.last == Last::Order
+                && (draft.all_names().all(|name| name.is_pronoun)
+                    || self.out.orders.last().is_some_and(|clause| is_same_name(&clause.draft, &draft)))
+                && self.out.orders.last().is_some_and(|clause| {
+                    !is_told(&clause.draft) && clause.draft.all_names().next().is_some()
+                });
+        if why {
+            self.out.stories.push(draft);
             return;
         }
         self.take_back_reason(&draft);
         let antecedents = self.mentioned.clone();
         let places = self.mentioned_places.clone();
         self.mention(&draft);
-        if draft.regions.is_empty() && draft.names.is_empty() {
+        if draft.regions.is_empty() && draft.names.is_empty() && !draft.has(Sense::Everywhere) {
             draft.regions.append(&mut self.waiting_regions);
             if draft.regions.is_empty() {
                 draft.names.append(&mut self.waiting_names);
@@ -214,12 +293,18 @@ impl Joiner {
         } else if is_limit(&draft) && draft.regions.is_empty() {
             draft.regions.append(&mut self.waiting_regions);
         }
+        if draft.join == Some(Join::So) && draft.has(Sense::Everywhere) {
+            // "visitors on site, so half speed everywhere": why.
+            self.waiting_names.clear();
+            self.waiting_regions.clear();
+        }
         draft.ttl_s = draft.ttl_s.or(self.waiting_ttl_s);
         draft.except.append(&mut self.waiting_except);
         let mut clause = Clause {
             draft,
             antecedents,
             places,
+            group: self.group.clone(),
             notes: self.note.take().into_iter().collect(),
             is_conditioned: false,
         };
@@ -271,21 +356,7 @@ impl Joiner {
     fn take_back_reason(&mut self, draft: &Draft) {
         let points_back =
             draft.all_names().all(|name| name.is_pronoun) && !draft.has_any(&[Sense::Everywhere]);
-        let told = |draft: &Draft| {
-            draft.n_neg == 0
-                && draft.quantities.is_empty()
-                && draft.senses.iter().all(|sense| {
-                    matches!(
-                        sense,
-                        Sense::Copula
-                            | Sense::Fragile
-                            | Sense::Closed
-                            | Sense::Sleeping
-                            | Sense::NeedsSpace
-                            | Sense::ThereIs
-                    )
-                })
-        };
+        let told = is_told;
         // "shh, the baby is asleep": a cry, and then what it is about.
         let cried = |old: &Draft| {
             old.n_neg == 0
@@ -304,8 +375,10 @@ impl Joiner {
         let gives_why = |old: &Draft| {
             points_back || draft.join == Some(Join::So) || old.has(Sense::Sleeping) && draft.has(Sense::Quiet)
         };
-        if self.out.orders.last().is_some_and(|clause| told(&clause.draft) && gives_why(&clause.draft))
-            && let Some(clause) = self.out.orders.pop()
+        let about_it = |old: &Draft| is_same_name(old, draft) && (draft.n_neg > 0 || !told(draft));
+        if self.out.orders.last().is_some_and(|clause| {
+            told(&clause.draft) && (gives_why(&clause.draft) || about_it(&clause.draft))
+        }) && let Some(clause) = self.out.orders.pop()
         {
             self.out.stories.push(clause.draft);
         }
@@ -380,6 +453,9 @@ impl Joiner {
     }
 
     fn finish(mut self) -> Clauses {
+        if let Some(ttl_s) = self.told_ttl_s {
+            self.out.leftover.push(format!("{ttl_s} seconds"));
+        }
         if let Some(condition) = self.condition.take() {
             match self.out.orders.last_mut() {
                 Some(clause) => apply(clause, &condition),
@@ -414,4 +490,53 @@ impl Joiner {
         }
         self.out
     }
+}
+
+/// Whether it only says how something is, which is an order when nothing else is said of it.
+fn is_told(draft: &Draft) -> bool {
+    draft.n_neg == 0
+        && draft.quantities.is_empty()
+        && draft.has_any(&[
+            Sense::Copula,
+            Sense::Fragile,
+            Sense::Closed,
+            Sense::Sleeping,
+            Sense::NeedsSpace,
+            Sense::ThereIs,
+        ])
+        && draft.senses.iter().all(|sense| {
+            matches!(
+                sense,
+                Sense::Copula
+                    | Sense::Fragile
+                    | Sense::Closed
+                    | Sense::Sleeping
+                    | Sense::NeedsSpace
+                    | Sense::ThereIs
+                    | Sense::Statement
+            )
+        })
+}
+
+/// Whether both name the same thing.
+fn is_same_name(old: &Draft, new: &Draft) -> bool {
+    let nouns = Nouns::get();
+    old.all_names().any(|a| !a.is_pronoun && new.all_names().any(|b| nouns.same(&a.obj, &b.obj)))
+}
+
+/// "people queue there", "the door opens outwards": a verb that could be a noun gave itself away.
+fn does_something(draft: &Draft) -> bool {
+    let names = draft.names.iter().position(|name| name.is_pronoun).is_some_and(|at| at > 0)
+        && matches!(draft.join, Some(Join::Start | Join::Comma | Join::Because | Join::But) | None);
+    let manner = !draft.leftover.is_empty()
+        && draft
+            .leftover
+            .iter()
+            .all(|word| matches!(speech(word), Speech::Adverb | Speech::Verb | Speech::Participle));
+    draft.n_neg == 0
+        && draft.senses.iter().all(|sense| matches!(sense, Sense::Statement | Sense::Subject | Sense::Copula))
+        && draft.quantities.is_empty()
+        && draft.ttl_s.is_none()
+        && !draft.names.is_empty()
+        && (names || manner)
 }

@@ -9,6 +9,13 @@ use crate::quantity::Kind;
 /// Puts a condition into a clause.
 pub fn apply(clause: &mut Clause, condition: &Draft) {
     let order = &mut clause.draft;
+    // "you may walk on the grass, but if you step in the lava you will die": an order of its own in disguise.
+    if order.has_any(&[Sense::Allow, Sense::Fine, Sense::Lift])
+        && condition.has_any(&[Sense::VerbOn, Sense::VerbTouch, Sense::VerbNear, Sense::Motion])
+    {
+        order.leftover.push(condition.words.clone());
+        return;
+    }
     let targetless = order.regions.is_empty() && order.names.is_empty();
     // What was touched before is history, which no rule can hold.
     if condition.has(Sense::VerbTouch) {
@@ -81,7 +88,7 @@ fn findable_regions(condition: &Draft, unknown_state: bool) -> Vec<Region> {
         .filter(|region| region.names.iter().any(|name| !is_self(name)))
         .cloned()
         .collect();
-    if condition.has(Sense::Copula) && !names.is_empty() && !regions.is_empty() {
+    if condition.has(Sense::Copula) && names.iter().any(|name| !name.is_pronoun) && !regions.is_empty() {
         // "if someone is on crutches": about the someone.
         regions.clear();
     }

@@ -7,6 +7,7 @@ use crate::clause::{Clause, is_limit};
 use crate::draft::{Draft, Place};
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
+use crate::quantity::Kind;
 use crate::resolve::Trouble;
 use crate::update::update;
 
@@ -31,11 +32,19 @@ pub fn talk(
     fresh: &[Rule],
     profile: &Profile,
 ) -> Result<Option<Change>, Trouble> {
-    let pointed = with_antecedent(clause);
+    let pointed = with_antecedent(clause, active);
+    // "replace the rug rule with one metre": its number changes.
+    let mut pointed = pointed;
+    let renumbers = ["replace", "swap"].iter().any(|verb| pointed.words.starts_with(verb));
+    if renumbers && !pointed.quantities.is_empty() {
+        for sense in pointed.senses.iter_mut().filter(|sense| **sense == Sense::Revoke) {
+            *sense = Sense::Make;
+        }
+    }
     let draft = &pointed;
-    if let Some(word) =
-        draft.leftover.first().filter(|_| draft.has_any(&[Sense::Revoke, Sense::Make, Sense::Same]))
-    {
+    if let Some(word) = draft.leftover.first().filter(|_| {
+        draft.has_any(&[Sense::Revoke, Sense::Make, Sense::Same, Sense::Allow, Sense::Fine, Sense::Lift])
+    }) {
         return Err(Trouble::Ask(format!("I did not understand \"{word}\". Which rule do you mean?")));
     }
     if draft.has(Sense::StartOver) && draft.n_neg == 0 {
@@ -66,8 +75,16 @@ pub fn talk(
 }
 
 /// "we moved the rug, it's fine now": a pronoun means what was mentioned before, if anything was.
-fn with_antecedent(clause: &Clause) -> Draft {
+fn with_antecedent(clause: &Clause, active: &[Rule]) -> Draft {
     let mut draft = clause.draft.clone();
+    // "I changed my mind about the water, it should be a metre"
+    if let Some(name) = clause.antecedents.last().filter(|name| {
+        draft.has(Sense::Make)
+            && draft.all_names().next().is_none()
+            && active.iter().any(|rule| is_on(rule, name))
+    }) {
+        draft.names.push(name.clone());
+    }
     if let Some(name) = clause
         .antecedents
         .last()
@@ -148,6 +165,9 @@ fn revoke(draft: &Draft, active: &[Rule]) -> Result<Change, Trouble> {
     if draft.has(Sense::OneOf) {
         return Err(which(active));
     }
+    if let Some(quantity) = draft.quantities.iter().find(|quantity| quantity.kind != Kind::Bare) {
+        return Err(Trouble::Ask(format!("Should I forget a rule, or change it to {}?", quantity.said)));
+    }
     if draft.has(Sense::AllRules) || draft.has(Sense::Everywhere) || draft.words.ends_with(" all") {
         let keep = |rule: &Rule| draft.except.iter().any(|name| is_on(rule, name));
         return Ok(revoked(active.iter().filter(|rule| !keep(rule)).map(|rule| rule.id.clone()).collect()));
@@ -172,6 +192,14 @@ fn revoke(draft: &Draft, active: &[Rule]) -> Result<Change, Trouble> {
     }
     if !named.is_empty() {
         let wanted = |rule: &&Rule| named.iter().any(|name| is_on(rule, name)) && fits_kind(rule, draft);
+        // "wipe the table", "replace the bulb": a task, unless a rule is about it.
+        let may_be_task =
+            ["wipe", "clear", "drop", "lift", "remove", "replace", "swap", "discard", "strike", "scratch"]
+                .iter()
+                .any(|verb| draft.words.starts_with(verb));
+        if may_be_task && !draft.has(Sense::RuleNoun) && !active.iter().any(|rule| wanted(&rule)) {
+            return Err(Trouble::NotSafety);
+        }
         // "ignore the bell" is no talk about rules unless one is about it.
         if draft.words.starts_with("ignore") && !active.iter().any(|rule| wanted(&rule)) {
             return Err(Trouble::Ask("Which rule do you mean?".into()));

@@ -59,6 +59,8 @@ pub struct Draft {
     pub whereabouts: Vec<Name>,
     /// Instances let off.
     pub except: Vec<Name>,
+    /// Names behind the verb of a story: "someone left a ladder there".
+    pub told: Vec<Name>,
     /// Words after "is" that mean nothing to us.
     pub predicate: Vec<String>,
     /// A condition or a time the robot cannot observe, in words.

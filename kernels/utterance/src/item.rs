@@ -3,6 +3,7 @@
 use crate::lexicon::{Lexicon, Sense};
 use crate::noun::Nouns;
 use crate::quantity::{BareUnit, Kind, Quantity, quantity_at};
+use crate::speech::{Speech, speech};
 use crate::text::Token;
 
 /// What an item is.
@@ -61,6 +62,9 @@ pub fn items(tokens: &[Token], bare_unit: BareUnit) -> Vec<Item> {
             continue;
         }
         let mut phrase = lexicon.senses_at(tokens, at);
+        if is_noun_here(tokens, at, out.last()) {
+            phrase = lexicon.shorter_senses_at(tokens, at, phrase.map_or(0, |(_, n)| n));
+        }
         // "turn slower than 25°/s": the comparison belongs to the number.
         if let Some((_, n)) = phrase
             && n > 1
@@ -84,6 +88,35 @@ pub fn items(tokens: &[Token], bare_unit: BareUnit) -> Vec<Item> {
         at += n_tokens;
     }
     out
+}
+
+/// "the bar", "steps ahead": words that only otherwise mean something to the grammar.
+fn is_noun_here(tokens: &[Token], at: usize, before: Option<&Item>) -> bool {
+    let word = tokens.get(at).map_or("", |token| token.text.as_str());
+    let after = tokens.get(at + 1).map_or("", |token| token.text.as_str());
+    let opens = before.is_none_or(|item| {
+        item.sort == Sort::Mark
+            || item.is(Sense::Det)
+            || item.is_any(&[Sense::PrepBetween, Sense::PrepNear, Sense::PrepOn, Sense::And, Sense::From])
+    });
+    let names_on = |n: usize| {
+        tokens.get(at + n).is_some_and(|next| {
+            !next.is_mark()
+                && Lexicon::get().senses_at(tokens, at + n).is_none()
+                && speech(&next.text) == Speech::MayName
+                && quantity_at(tokens, at + n, None).is_none()
+        })
+    };
+    match word {
+        // "the robot cell fence"
+        "the" | "a" | "any" if matches!(after, "robot" | "bot" | "machine" | "vehicle") => names_on(2),
+        "robot" | "machine" | "vehicle" if at > 0 => {
+            before.is_some_and(|item| item.is(Sense::Det)) && names_on(1)
+        }
+        "bar" => opens || !matches!(after, "the" | "my" | "mine" | "our" | "your" | "this" | "that" | "one"),
+        "steps" => opens && !matches!(after, "away" | "back" | "from"),
+        _ => false,
+    }
 }
 
 /// "room 3" and "the two chairs" hold numbers that measure nothing.

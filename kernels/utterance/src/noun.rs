@@ -44,6 +44,7 @@ struct Lists {
     events: HashSet<String>,
     cans: HashSet<String>,
     living: HashSet<String>,
+    animals: HashSet<String>,
     thresholds: HashSet<String>,
     common: Vec<String>,
 }
@@ -219,13 +220,19 @@ impl Nouns {
     /// Something that takes place rather than stands there: "a meeting in the boardroom".
     #[must_use]
     pub fn is_event(&self, obj: &str) -> bool {
-        self.lists.events.contains(self.head(obj)) || obj.split_whitespace().any(|word| word == "cleaning")
+        self.lists.events.contains(self.head(obj))
     }
 
     /// A person or an animal.
     #[must_use]
     pub fn is_living(&self, obj: &str) -> bool {
         self.has(&self.lists.living, obj)
+    }
+
+    /// A person rather than an animal or a thing.
+    #[must_use]
+    pub fn is_someone(&self, obj: &str) -> bool {
+        self.is_living(obj) && !self.has(&self.lists.animals, obj)
     }
 
     /// Something one stops at so as not to pass it.

@@ -3,6 +3,7 @@
 use crate::item::{Item, Sort};
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
+use crate::speech::{Speech, speech};
 
 /// Most words in a name. More is a sentence that we failed to read, and is asked about.
 const WORDS_MAX: usize = 6;
@@ -64,14 +65,15 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
     }
     let words_start = idx;
     while let Some(item) = items.get(idx) {
-        let takes = item.is_word()
+        let takes = item.is_word() && word_fits(items, idx, words_start)
             || (idx == words_start
+                && !item.is_word()
                 && nounable(
                     items,
                     idx,
                     determined || (expected && !item.is_any(&[Sense::Motion, Sense::Hold])),
                 ))
-            || (idx > words_start && inside(items, idx));
+            || (idx > words_start && !item.is_word() && inside(items, idx));
         if !takes || idx - words_start >= WORDS_MAX {
             break;
         }
@@ -117,13 +119,41 @@ fn inner_words(items: &[Item], at: usize) -> Option<(Vec<&str>, usize)> {
         idx += 1;
     }
     let start = idx;
-    while items.get(idx).is_some_and(Item::is_word) && idx - start < WORDS_MAX {
+    while items.get(idx).is_some_and(|item| item.is_word() && word_fits(items, idx, start))
+        && idx - start < WORDS_MAX
+    {
         idx += 1;
     }
     if idx == start {
         None
     } else {
         Some((items[start..idx].iter().flat_map(|item| item.text.split(' ')).collect(), idx - at))
+    }
+}
+
+/// Whether a word without a sense belongs to the name: verbs end it, participles need a noun after them.
+fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
+    let Some(item) = items.get(at) else { return false };
+    let next_is_name = items.get(at + 1).is_some_and(|next| {
+        next.is_word() && speech(&next.text) != Speech::Verb
+            || matches!(next.text.as_str(), "room" | "rooms" | "left" | "right" | "stand" | "space")
+    });
+    match speech(&item.text) {
+        Speech::MayName | Speech::Adjective => true,
+        Speech::Verb => false,
+        Speech::Adverb => next_is_name,
+        Speech::Participle => {
+            // "people walking dogs": of the people, not of the dogs.
+            let before = items.get(at.wrapping_sub(1)).filter(|_| at > words_start);
+            let tells = item.text.ends_with("ing")
+                && before.is_some_and(|b| {
+                    b.is_word() && (b.text.ends_with('s') || Nouns::get().is_living(&b.text))
+                });
+            let is_gerund = at == words_start
+                && item.text.ends_with("ing")
+                && at.checked_sub(1).and_then(|idx| items.get(idx)).is_none_or(|b| b.is(Sense::Det));
+            next_is_name && !tells || is_gerund
+        }
     }
 }
 
@@ -191,7 +221,27 @@ fn inside(items: &[Item], at: usize) -> bool {
     if ends
         && matches!(
             item.text.as_str(),
-            "stand" | "run" | "drive" | "park" | "lift" | "feed" | "water" | "ride" | "drop" | "guard"
+            "stand"
+                | "run"
+                | "drive"
+                | "park"
+                | "lift"
+                | "feed"
+                | "water"
+                | "ride"
+                | "drop"
+                | "guard"
+                | "brake"
+                | "brakes"
+                | "watch"
+                | "hold"
+                | "press"
+                | "reach"
+                | "cross"
+                | "limit"
+                | "limits"
+                | "space"
+                | "clear"
         )
     {
         return true;

@@ -94,6 +94,8 @@ pub fn quantity_at(tokens: &[Token], at: usize, bare_unit: BareUnit) -> Option<Q
             None => break,
         }
     }
+    // "a good yard": the article went with the bound.
+    let article = start > at && word(tokens, at) == "a";
     if word(tokens, start) == "by" {
         by = true;
         start += 1;
@@ -102,7 +104,10 @@ pub fn quantity_at(tokens: &[Token], at: usize, bare_unit: BareUnit) -> Option<Q
     let (mut quantity, start) =
         match lead.and_then(|start| single_duration(tokens, start).map(|q| (q, start))) {
             Some(found) => found,
-            None => (measured(tokens, start, bare_unit)?, start),
+            None => match measured(tokens, start, bare_unit) {
+                Some(found) => (found, start),
+                None => (single_of(tokens, start).filter(|_| article)?, start),
+            },
         };
     let mut end = start + quantity.n_tokens;
     // "2 metres minimum", "0.5 m/s max"
@@ -287,12 +292,23 @@ fn amount(tokens: &[Token], at: usize) -> Option<(f64, usize)> {
         return Some((number.value, after));
     }
     if matches!(word(tokens, at), "a" | "an" | "one" | "another" | "single" | "full") {
-        let skip = usize::from(matches!(word(tokens, at + 1), "full" | "single" | "good" | "whole"));
+        let skip = usize::from(matches!(
+            word(tokens, at + 1),
+            "full" | "single" | "good" | "whole" | "entire" | "clear"
+        ));
         return unit_at_token(tokens, at + 1 + skip).filter(|unit| !unit.short).map(|_| (1.0, at + 1 + skip));
     }
     // "an arm's length" with the article dropped; "hour and a half"
     let bare_first = matches!(word(tokens, at), "arm's" | "arms" | "arm" | "hour");
     unit_at_token(tokens, at).filter(|_| bare_first).map(|_| (1.0, at))
+}
+
+/// One of the unit that stands here: "(a good) yard".
+fn single_of(tokens: &[Token], at: usize) -> Option<Quantity> {
+    let unit = unit_at_token(tokens, at).filter(|unit| !unit.short)?;
+    let (kind, scale, n_more) = with_rate(tokens, at + unit.n_tokens, unit)?;
+    let n_tokens = unit_at_token(tokens, at)?.n_tokens + n_more;
+    Some(quantity(kind, round_safe(kind, scale), n_tokens))
 }
 
 struct Unit {

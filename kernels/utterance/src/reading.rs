@@ -3,7 +3,7 @@
 use geometry::Profile;
 use rules::{Outcome, RefuseReason, Relation, Reply, ReplyOption, Rule, RuleType};
 
-use crate::clause::{Clause, Clauses};
+use crate::clause::{Clause, Clauses, has_strong_order};
 use crate::combine::combine;
 use crate::dialogue::{Change, talk};
 use crate::draft::{Draft, Place};
@@ -15,7 +15,7 @@ use crate::resolve::{Trouble, resolve};
 use crate::scan::scan;
 use crate::segment::segments;
 use crate::text::{CHARS_MAX, Token, tokens};
-use crate::{answer, gate, spelling};
+use crate::{answer, doubt, gate, spelling};
 
 /// The reply to an utterance, given the rules in force.
 ///
@@ -106,6 +106,21 @@ impl Context<'_> {
                         format!("At most {N_RULES_MAX} rules at a time, please. Which come first?");
                     return Err(Trouble::Ask(question));
                 }
+                Ok(change) if self.lets_off(clause, &change, &mut sum) => {}
+                // "open the door with it": part of the task before it, when no rule is about it.
+                Ok(change)
+                    if change.is_revoke
+                        && change.lifted.is_empty()
+                        && !clause.draft.has_any(&[
+                            Sense::Revoke,
+                            Sense::Lift,
+                            Sense::StartOver,
+                            Sense::NormalSpeed,
+                        ])
+                        && !clauses.others.is_empty() =>
+                {
+                    sum.not_safety = true;
+                }
                 Ok(change) => {
                     sum.is_revoke |= change.is_revoke;
                     sum.lifted.extend(change.lifted);
@@ -136,7 +151,30 @@ impl Context<'_> {
             return Err(trouble);
         }
         self.check_coverage(clauses, &sum)?;
-        Ok(sum)
+        match doubt::of_reading(clauses, &sum.added) {
+            Some(question) if !sum.added.is_empty() => Err(Trouble::Ask(question)),
+            _ => Ok(sum),
+        }
+    }
+
+    /// "stay out of the bays, bay 2 is ok though": an exception to what was just said, not a lift.
+    fn lets_off(&self, clause: &Clause, change: &Change, sum: &mut Sum) -> bool {
+        if !change.is_revoke || !change.lifted.is_empty() {
+            return false;
+        }
+        let nouns = Nouns::get();
+        let mut done = false;
+        for name in clause.draft.all_names().filter(|name| !name.is_pronoun) {
+            for rule in &mut sum.added {
+                let one_of = name.obj.starts_with(&format!("{} ", rule.obj))
+                    || nouns.same(&rule.obj, &name.obj) && name.reference != rule.phrase();
+                if one_of && rule.rule_type == RuleType::Exclusion {
+                    rule.except.push(name.reference.clone());
+                    done = true;
+                }
+            }
+        }
+        done
     }
 
     fn one(&self, clause: &Clause, fresh: &[Rule]) -> Result<Change, Trouble> {
@@ -149,8 +187,10 @@ impl Context<'_> {
                 let mut lifting = clause.clone();
                 lifting.draft.n_neg = 0;
                 lifting.draft.senses.push(Sense::Lift);
+                // A negation that we may have misread lifts what is there, or leads to a question.
                 talk(&lifting, self.active, fresh, self.profile)?
-                    .ok_or(Trouble::Ask("What should I change?".into()))
+                    .filter(|change| !change.lifted.is_empty())
+                    .ok_or(Trouble::Ask("I did not understand that as a rule. What should I heed?".into()))
             }
             Err(trouble) => Err(trouble),
         }
@@ -242,7 +282,9 @@ impl Context<'_> {
             let question = format!("Is \"{}\" a rule? Please say what I should heed.", doubtful.words);
             return answer::clarify(&question, vec![]);
         }
-        if !clauses.others.is_empty() || sum.not_safety {
+        let half_heard = !clauses.leftover.is_empty()
+            && clauses.orders.iter().any(|clause| has_strong_order(&clause.draft));
+        if (!clauses.others.is_empty() || sum.not_safety) && !half_heard {
             return answer::refuse(
                 RefuseReason::NotSafety,
                 "I only take rules about where and how fast I may go.",

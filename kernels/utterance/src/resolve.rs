@@ -7,6 +7,7 @@ use rules::Rule;
 use rules::rule::BUFFER_M_MAX;
 
 use crate::clause::{Clause, is_limit};
+use crate::doubt;
 use crate::draft::{Draft, Place};
 use crate::exclusion::exclusion;
 use crate::kinematic::{Intent, intent, kinematic};
@@ -57,6 +58,9 @@ pub fn resolve(clause: &Clause, active: &[Rule], profile: &Profile) -> Result<Ve
     for rule in &mut rules {
         rule.ttl_s = draft.ttl_s;
     }
+    if let Some(question) = doubt::of_order(&draft, &rules) {
+        return Err(Trouble::Ask(question));
+    }
     Ok(rules)
 }
 
@@ -85,8 +89,9 @@ fn check_words(draft: &Draft) -> Result<(), Trouble> {
         }
     }
     if let Some(number) = draft.quantity(Kind::Bare) {
-        let speed =
-            draft.has_any(&[Sense::SpeedNoun, Sense::Slow]) && draft.quantity(Kind::Distance).is_none();
+        let compares = ["faster", "slower", "quicker"].iter().any(|word| number.said.contains(word));
+        let speed = (compares || draft.has_any(&[Sense::SpeedNoun, Sense::Slow, Sense::Slower]))
+            && draft.quantity(Kind::Distance).is_none();
         if !speed {
             return Err(Trouble::Unit(number.value));
         }
@@ -103,7 +108,9 @@ fn check_words(draft: &Draft) -> Result<(), Trouble> {
 /// Pronouns become what was mentioned before, else the newest active rule's object.
 fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
     let mut draft = clause.draft.clone();
-    let earlier: Option<Name> = clause.antecedents.last().cloned().or_else(|| {
+    let pronoun =
+        clause.draft.all_names().find(|name| name.is_pronoun).map_or("", |name| name.reference.as_str());
+    let earlier: Option<Name> = meant_by(pronoun, &clause.antecedents).cloned().or_else(|| {
         active.iter().rev().find(|rule| !rule.obj.is_empty()).map(|rule| Name {
             obj: rule.obj.clone(),
             reference: rule.phrase().to_owned(),
@@ -119,8 +126,13 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
         .filter(|region| matches!(region.place, Place::On | Place::Under))
         .flat_map(|region| region.names.iter_mut());
     for name in onto.filter(|name| name.is_pronoun) {
-        if let Some(place) = &place {
-            *name = place.clone();
+        // "there is lego in the corner, don't go over it": over the lego; "a cat on the rug": off the rug.
+        let subject = clause
+            .antecedents
+            .last()
+            .filter(|subject| !name.reference.contains("there") && !Nouns::get().is_living(&subject.obj));
+        if let Some(meant) = subject.filter(|_| name.reference == "it").or(place.as_ref()) {
+            *name = meant.clone();
         }
     }
     let places = draft.regions.iter_mut().flat_map(|region| region.names.iter_mut());
@@ -133,6 +145,34 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
         match own.clone().or(there).or_else(|| earlier.clone()) {
             Some(referent) => *name = referent,
             None => return Err(Trouble::Ask(format!("What do you mean by \"{}\"?", name.reference))),
+        }
+    }
+    let group = &clause.group;
+    let plural = clause.draft.all_names().any(|name| {
+        name.is_pronoun
+            && matches!(
+                name.reference.as_str(),
+                "them"
+                    | "both"
+                    | "those"
+                    | "these"
+                    | "they"
+                    | "each of them"
+                    | "all of them"
+                    | "both of them"
+                    | "either of them"
+                    | "any of them"
+            )
+    });
+    if plural && group.len() > 1 {
+        let meant = |name: &Name| group.last().is_some_and(|last| last == name);
+        for region in &mut draft.regions {
+            if region.names.iter().any(meant) {
+                region.names.clone_from(group);
+            }
+        }
+        if draft.names.iter().any(meant) {
+            draft.names.clone_from(group);
         }
     }
     dedup(&mut draft.names);
@@ -150,6 +190,25 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
         draft.names.push(name.clone());
     }
     Ok(draft)
+}
+
+/// The likeliest of the names that the pronoun can point at: "it" is nobody, "him" is someone.
+fn meant_by<'a>(pronoun: &str, names: &'a [Name]) -> Option<&'a Name> {
+    let nouns = Nouns::get();
+    let agrees = |name: &&Name| match pronoun {
+        "it" | "that" | "this" | "there" | "here" => !nouns.is_someone(&name.obj),
+        "him" | "her" => nouns.is_living(&name.obj) || nouns.is_someone(&name.obj),
+        "them" | "those" | "these" | "they" => is_plural(name) || nouns.is_living(&name.obj),
+        _ => true,
+    };
+    let any = !matches!(pronoun, "it");
+    names.iter().rev().find(agrees).or_else(|| names.last().filter(|_| any))
+}
+
+/// Whether it was said of several.
+fn is_plural(name: &Name) -> bool {
+    let head = name.obj.split_whitespace().last().unwrap_or_default();
+    !head.is_empty() && !name.reference.split_whitespace().any(|word| word == head)
 }
 
 fn dedup(names: &mut Vec<Name>) {

@@ -9,6 +9,7 @@ use crate::noun::{Name, Nouns};
 use crate::phrase::noun_phrase;
 use crate::quantity::{Bound, Kind, Quantity};
 use crate::segment::Join;
+use crate::speech::{Speech, speech};
 use choose::choose;
 
 /// Most slots that one stretch may fill.
@@ -21,9 +22,13 @@ pub fn scan(items: &[Item], join: Join) -> Draft {
     let mut scanner = Scanner {
         items,
         at: 0,
+        join: Some(join),
         draft: Draft { join: Some(join), words, ..Draft::default() },
         before: Before::Nothing,
     };
+    if let Some(n_items) = preamble(items) {
+        scanner.at = n_items;
+    }
     while let Some(item) = items.get(scanner.at) {
         let draft = &mut scanner.draft;
         if draft.senses.len() + draft.names.len() + draft.regions.len() > N_SLOTS_MAX {
@@ -36,6 +41,62 @@ pub fn scan(items: &[Item], join: Join) -> Draft {
     scanner.finish()
 }
 
+/// Items of "the safety officer says you have to", before an order begins; none when there are none.
+///
+/// Only words of telling go: no negation, number, place or order stands among them.
+fn preamble(items: &[Item]) -> Option<usize> {
+    const N_ITEMS_MAX: usize = 12;
+    const TELLS: [&str; 24] = [
+        "says",
+        "said",
+        "asked",
+        "asks",
+        "wants",
+        "insists",
+        "insisted",
+        "told",
+        "tells",
+        "requires",
+        "demands",
+        "prefers",
+        "requested",
+        "requests",
+        "like",
+        "love",
+        "prefer",
+        "want",
+        "need",
+        "expects",
+        "expect",
+        "ask",
+        "recommends",
+        "suggests",
+    ];
+    let opens = items.iter().take(N_ITEMS_MAX).position(|item| {
+        item.is_any(&[
+            Sense::Neg,
+            Sense::Avoid,
+            Sense::Hold,
+            Sense::Slow,
+            Sense::Crawl,
+            Sense::Careful,
+            Sense::Quiet,
+        ]) || item.is(Sense::StayOff) && item.text.contains(' ')
+            || item.is(Sense::Halt)
+    })?;
+    let lead = &items[..opens];
+    let last = lead.last()?.text.split(' ').next_back().unwrap_or_default();
+    let turns = matches!(last, "you" | "to" | "that" | "robots" | "robot")
+        || lead.last().is_some_and(|item| item.is(Sense::Filler) && item.text.starts_with("you "));
+    let tells = lead.iter().any(|item| item.text.split(' ').any(|word| TELLS.contains(&word)));
+    let plain = lead.iter().all(|item| {
+        matches!(item.sort, Sort::Word | Sort::Phrase(_))
+            && !item.is_any(&ORDERS)
+            && !item.is_any(&[Sense::Allow, Sense::Lift, Sense::Again])
+    });
+    (turns && tells && plain && opens > 1).then_some(opens)
+}
+
 /// What was read last, for deciding what a place word attaches to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Before {
@@ -46,12 +107,15 @@ enum Before {
     LooseName,
     RegionName,
     Copula,
+    /// Behind the verb of a story: what follows is told.
+    Told,
     Other,
 }
 
 struct Scanner<'a> {
     items: &'a [Item],
     at: usize,
+    join: Option<Join>,
     draft: Draft,
     before: Before,
 }
@@ -70,15 +134,195 @@ impl Scanner<'_> {
         if self.before == Before::Copula && self.predicate_word(item) {
             return;
         }
-        if self.name() {
+        if self.told_word() || self.name() {
             return;
         }
         let item = self.items[self.at].clone();
         self.at += 1;
+        if item.sort == Sort::Mark {
+            return;
+        }
         if item.is_word() {
-            self.draft.leftover.push(item.text);
+            // "recently", "completely": how, not what.
+            let manner = speech(&item.text) == Speech::Adverb
+                && item.text.ends_with("ly")
+                && !RESTRICTING.contains(&item.text.as_str());
+            if !manner {
+                self.draft.leftover.push(item.text);
+            }
         } else if !self.place(&item) {
             self.sense(&item);
+        }
+    }
+
+    /// The verb of a story, and the words behind it: "the vase belonged to …", "it also splashes".
+    fn told_word(&mut self) -> bool {
+        let Some(item) = self.items.get(self.at) else { return false };
+        if self.before == Before::Told {
+            // "I am not comfortable", "they have gone off", "it breaks easily": told all the same.
+            let of_people =
+                ["i ", "we ", "he ", "she ", "they "].iter().any(|who| self.draft.words.starts_with(who));
+            let plain = match item.text.as_str() {
+                "not" | "no" | "off" | "out" | "away" | "back" | "up" | "down" | "easy" | "easily"
+                | "slow" | "slowly" | "fast" | "over" | "room" | "space" => true,
+                _ => of_people && item.is_any(&STATES),
+            };
+            let outside = matches!(item.text.as_str(), "outside" | "outside of");
+            let passes =
+                item.is_word() || plain || outside || !item.is_any(&ORDERS) && place_of(item).is_none();
+            if passes {
+                match noun_phrase(self.items, self.at, false) {
+                    Some((name, n_items)) if !name.is_pronoun => {
+                        self.draft.told.push(name);
+                        self.at += n_items;
+                    }
+                    _ => {
+                        self.draft.predicate.push(item.text.clone());
+                        self.at += 1;
+                    }
+                }
+            }
+            return passes;
+        }
+        if !self.opens_story(item) {
+            return false;
+        }
+        self.draft.senses.push(Sense::Statement);
+        self.draft.predicate.push(item.text.clone());
+        self.at += 1;
+        self.before = Before::Told;
+        true
+    }
+
+    /// Whether this is the verb of a sentence that began with what it is about.
+    fn opens_story(&self, item: &Item) -> bool {
+        let only_subject = self.draft.n_neg == 0
+            && self.draft.senses.iter().all(|sense| matches!(sense, Sense::Subject | Sense::Copula));
+        if !only_subject
+            || !self.draft.quantities.is_empty()
+            || !self.draft.regions.is_empty() && self.before != Before::RegionName
+        {
+            return false;
+        }
+        let next_is_word = self.peek(1).is_some_and(Item::is_word);
+        let verb = item.is_word()
+            && match speech(&item.text) {
+                Speech::Verb => true,
+                Speech::Participle => !item.text.ends_with("ing") && !next_is_word,
+                _ => false,
+            };
+        let after_subject = self.draft.senses.last() == Some(&Sense::Subject) && self.draft.names.is_empty();
+        let last_is_pronoun = self.draft.names.last().is_some_and(|name| name.is_pronoun);
+        let helps = matches!(
+            item.text.as_str(),
+            "will" | "would" | "might" | "could" | "can" | "has" | "had" | "have" | "does" | "did" | "may"
+        );
+        // "the vibrations stress the fish", "chairs get pulled out": done by the thing, not by the robot.
+        let deeds = [
+            Sense::Motion,
+            Sense::VerbOn,
+            Sense::VerbNear,
+            Sense::VerbTouch,
+            Sense::VerbPast,
+            Sense::VerbBlock,
+            Sense::VerbWake,
+            Sense::VerbLeave,
+            Sense::Task,
+        ];
+        let done_by_it = self.join != Some(Join::If)
+            && item.is_any(&deeds)
+            && !item.is(Sense::PrepNear)
+            && !item.is(Sense::Copula)
+            && !item.text.ends_with("ing")
+            && self.draft.names.last().is_some_and(|name| !name.is_pronoun)
+            && self.peek(1).is_some_and(|next| !next.is_any(&ORDERS));
+        let takes_time = matches!(item.text.as_str(), "needs" | "need" | "takes" | "take")
+            && matches!(self.peek(1).map(|next| &next.sort), Some(Sort::Quantity(q)) if q.kind == Kind::Duration);
+        match self.before {
+            Before::LooseName if done_by_it || takes_time => true,
+            Before::LooseName if last_is_pronoun => {
+                verb || helps || item.is_word() && item.text.ends_with('s') || item.is(Sense::Hold)
+            }
+            // "to" and a verb behind a place: "on the way to reach".
+            Before::LooseName | Before::RegionName => !self.draft.names.is_empty() && (verb || helps),
+            _ if after_subject => {
+                // "I keep tripping over you" orders nothing.
+                let third = self.words_so_far_start_with_subject();
+                let be = self.items.iter().take(self.at).find(|item| item.is(Sense::Subject));
+                let has_verb = be.is_some_and(|subject| subject.text.contains(' '));
+                third
+                    && (item.is_word()
+                        || item.is(Sense::Hold)
+                        || helps
+                        || has_verb
+                            && !item.is(Sense::Filler)
+                            && (item.text == "not" || item.is_any(&STATES)))
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether someone other than the robot is the subject.
+    fn words_so_far_start_with_subject(&self) -> bool {
+        self.items.iter().take(self.at).find(|item| item.is(Sense::Subject)).is_some_and(|item| {
+            let first = item.text.split(' ').next().unwrap_or_default();
+            matches!(first, "i" | "we" | "he" | "she" | "they" | "who") && item.is(Sense::Subject)
+        })
+    }
+
+    /// "toys lying on the floor", "cables running along the wall": tells which ones.
+    fn tail(&mut self) {
+        let Some(first) = self.peek(0) else { return };
+        let single = !first.text.contains(' ');
+        let participle = if first.is_word() {
+            speech(&first.text) == Speech::Participle
+        } else {
+            first.text.ends_with("ing")
+                && first.is_any(&[
+                    Sense::Motion,
+                    Sense::Statement,
+                    Sense::VerbOn,
+                    Sense::VerbPast,
+                    Sense::VerbBlock,
+                    Sense::Sleeping,
+                    Sense::Task,
+                ])
+                && !first.is_any(&[Sense::PrepOn, Sense::PrepNear])
+        };
+        let orders = self.draft.senses.iter().any(|sense| !matches!(sense, Sense::Subject | Sense::Copula))
+            || self.draft.n_neg > 0;
+        let more = self.peek(1).is_some_and(|next| !next.is_any(&ORDERS) && !next.is(Sense::Copula));
+        if !(single && participle && orders && more) {
+            return;
+        }
+        let mut words: Vec<String> = Vec::new();
+        while let Some(item) = self.peek(0) {
+            let ends = matches!(item.sort, Sort::Quantity(_) | Sort::Mark)
+                || item.is_any(&ORDERS)
+                || item.is_any(&[
+                    Sense::Copula,
+                    Sense::And,
+                    Sense::Or,
+                    Sense::Except,
+                    Sense::TimeWords,
+                    Sense::OpenEnded,
+                    Sense::ForWhom,
+                ]);
+            if ends {
+                break;
+            }
+            if !item.is(Sense::Det) {
+                words.push(item.text.clone());
+            }
+            self.at += 1;
+        }
+        let name = match self.before {
+            Before::ExceptName => self.draft.except.last_mut(),
+            Before::RegionName => self.draft.regions.last_mut().and_then(|region| region.names.last_mut()),
+            _ => self.draft.names.last_mut(),
+        };
+        if let Some(name) = name {
+            name.reference = format!("{} {}", name.reference, words.join(" "));
         }
     }
 
@@ -86,6 +330,9 @@ impl Scanner<'_> {
         self.at += 1;
         let lead =
             self.at.checked_sub(2).and_then(|idx| self.items.get(idx)).map_or("", |item| item.text.as_str());
+        if quantity.kind == Kind::Duration && matches!(lead, "instead of" | "rather than") {
+            return;
+        }
         if quantity.kind == Kind::Duration {
             // "in ten minutes" and "every hour" are no lifetimes; left over, they become a question.
             if matches!(lead, "in" | "after" | "every") || quantity.bound == Bound::Within || quantity.by {
@@ -96,6 +343,10 @@ impl Scanner<'_> {
                     self.before = Before::Other;
                 }
             }
+            return;
+        }
+        // "an hour instead of ten minutes": the old number.
+        if matches!(lead, "instead of" | "rather than") {
             return;
         }
         self.draft.quantities.push(quantity);
@@ -147,6 +398,7 @@ impl Scanner<'_> {
                 self.before = Before::LooseName;
             }
         }
+        self.tail();
         true
     }
 
@@ -189,6 +441,14 @@ impl Scanner<'_> {
             return true;
         }
         let Some(place) = place_of(item) else { return false };
+        // "time to grow", "stay back to let them pass": a purpose, not a place.
+        if place == Place::To
+            && self.peek(0).is_some_and(|next| next.is_word() && speech(&next.text) == Speech::Verb)
+        {
+            self.draft.predicate.push(item.text.clone());
+            self.before = Before::Told;
+            return true;
+        }
         let name_ahead = noun_phrase(self.items, self.at, true);
         if let (true, Some((name, n_items))) = (follows_name && attaches(item, &self.draft), &name_ahead)
             && !name.is_pronoun
@@ -265,7 +525,10 @@ impl Scanner<'_> {
             Before::LooseName => self.draft.names.last(),
             _ => None,
         };
-        item.is(Sense::Except) && last.is_some_and(|name| name.is_universal)
+        let universal = last.is_some_and(|name| name.is_universal)
+            || self.draft.has_any(&[Sense::OffLimits, Sense::StayOff])
+                && self.draft.all_names().any(|name| name.is_universal);
+        item.is(Sense::Except) && universal
     }
 
     /// "the path between the roses and the fence": the gap, or a thing that stands in it.
@@ -310,6 +573,21 @@ impl Scanner<'_> {
             }
             if Nouns::get().is_place(&tail.obj) {
                 self.draft.whereabouts.push(tail.clone());
+            }
+            // "the area behind the stove" is where, not what.
+            let side = place_of_words(link).filter(|_| {
+                Nouns::get().is_passage(&name.obj) && !tail.obj.is_empty() && name.obj != "floor"
+            });
+            if let Some(place) = side {
+                let names = vec![tail.clone()];
+                match self.before {
+                    Before::RegionName => drop(self.draft.regions.pop()),
+                    Before::ExceptName => return,
+                    _ => drop(self.draft.names.pop()),
+                }
+                self.draft.regions.push(Region { place, names });
+                self.before = Before::RegionName;
+                return;
             }
             name.reference = format!("{} {link} {}", name.reference, tail.reference);
             name.is_pronoun = false;
@@ -356,6 +634,29 @@ impl Scanner<'_> {
             self.before = Before::Other;
             return;
         }
+        // "it also splashes"
+        if item.text == "also" && self.before == Before::LooseName {
+            return;
+        }
+        // "the cat does not move": told of the cat.
+        if self.before == Before::LooseName
+            && matches!(item.text.as_str(), "does not" | "did not")
+            && self.draft.senses.is_empty()
+        {
+            self.draft.senses.push(Sense::Statement);
+            self.before = Before::Told;
+            return;
+        }
+        // "you cannot swim": a deed that we do not know, told.
+        if matches!(item.text.as_str(), "can not" | "could not")
+            && self.draft.names.is_empty()
+            && self.peek(0).is_some_and(Item::is_word)
+            && self.peek(1).is_none()
+        {
+            self.draft.senses.push(Sense::Statement);
+            self.before = Before::Told;
+            return;
+        }
         let chosen = choose(item, senses, &self.draft, self.peek(0));
         match chosen {
             // "never, never": said twice, meant once.
@@ -381,6 +682,17 @@ impl Scanner<'_> {
                 }
                 return;
             }
+            Some(Sense::Statement) if !self.draft.names.is_empty() || self.draft.has(Sense::Subject) => {
+                self.draft.senses.push(Sense::Statement);
+                self.before = Before::Told;
+                return;
+            }
+            Some(Sense::Careful) if item.text.ends_with("made of") => {
+                // "like it is made of glass": of what is no matter.
+                self.draft.senses.push(Sense::Careful);
+                self.at = self.items.len();
+            }
+            Some(Sense::AsWell) if self.before == Before::LooseName && item.text == "also" => return,
             Some(sense) => self.draft.senses.push(sense),
         }
         self.before = Before::Other;
@@ -407,7 +719,15 @@ impl Scanner<'_> {
         }
         // A place word without a name: nearness said of nobody, or a dangling word.
         if let Before::Place(place) = self.before {
-            if place == Place::Near {
+            let stranded = self.draft.n_neg > 0
+                && self.draft.regions.is_empty()
+                && matches!(place, Place::On | Place::Under | Place::Near)
+                && self.draft.names.iter().any(|name| !name.is_pronoun);
+            if stranded {
+                // "the rug is not something to walk across"
+                let names = std::mem::take(&mut self.draft.names);
+                self.draft.regions.push(Region { place, names });
+            } else if place == Place::Near {
                 self.draft.senses.push(Sense::PrepNear);
             } else {
                 self.draft.regions.push(Region { place, names: Vec::new() });
@@ -416,6 +736,65 @@ impl Scanner<'_> {
         self.draft
     }
 }
+
+/// What someone may be said to be.
+const STATES: [Sense; 6] =
+    [Sense::Fragile, Sense::Closed, Sense::Sleeping, Sense::NeedsSpace, Sense::Fine, Sense::Hold];
+
+/// Adverbs that take something away from an order, or give it a time.
+const RESTRICTING: [&str; 16] = [
+    "hardly",
+    "barely",
+    "scarcely",
+    "rarely",
+    "hourly",
+    "nightly",
+    "temporarily",
+    "briefly",
+    "shortly",
+    "occasionally",
+    "partly",
+    "partially",
+    "nearly",
+    "formerly",
+    "seldomly",
+    "previously",
+];
+
+/// Senses that order something: no story and no description goes on over them.
+const ORDERS: [Sense; 31] = [
+    Sense::Neg,
+    Sense::Avoid,
+    Sense::Away,
+    Sense::Wide,
+    Sense::StayOff,
+    Sense::Hold,
+    Sense::Contain,
+    Sense::Slow,
+    Sense::Slower,
+    Sense::Faster,
+    Sense::Wider,
+    Sense::Closer,
+    Sense::Crawl,
+    Sense::WalkPace,
+    Sense::Halt,
+    Sense::TurnSlow,
+    Sense::Careful,
+    Sense::Quiet,
+    Sense::SpeedNoun,
+    Sense::OffLimits,
+    Sense::Closed,
+    Sense::Fragile,
+    Sense::NeedsSpace,
+    Sense::Sleeping,
+    Sense::Revoke,
+    Sense::Make,
+    Sense::Same,
+    Sense::NormalSpeed,
+    Sense::History,
+    Sense::MinSpeed,
+    Sense::Fine,
+];
 
 /// Senses whose next name is their object.
 const TRANSITIVE: [Sense; 12] = [
@@ -451,6 +830,23 @@ fn place_of(item: &Item) -> Option<Place> {
         return None;
     }
     PLACES.iter().find(|(sense, _)| item.is(*sense)).map(|(_, place)| *place)
+}
+
+/// The side that a place word names, where the region is that side.
+fn place_of_words(link: &str) -> Option<Place> {
+    let tokens = crate::text::tokens(link, crate::lexicon::Lexicon::get());
+    let (senses, _) = crate::lexicon::Lexicon::get().senses_at(&tokens, 0)?;
+    [
+        (Sense::PrepUnder, Place::Under),
+        (Sense::PrepPast, Place::Past),
+        (Sense::PrepFront, Place::Front),
+        (Sense::PrepBehind, Place::Behind),
+        (Sense::PrepLeft, Place::Left),
+        (Sense::PrepRight, Place::Right),
+    ]
+    .iter()
+    .find(|(sense, _)| senses.contains(sense))
+    .map(|(_, place)| *place)
 }
 
 /// Whether a place word after a name describes that name, rather than naming another region.

@@ -94,6 +94,8 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
             let join = if open.range.is_empty() { stronger(open.join, join) } else { join };
             let lead = if keeps_item { String::new() } else { item.text.clone() };
             open = Segment { join, is_fresh, lead, range: start..start };
+            earlier.start = start;
+            earlier.told = false;
             named = false;
         }
         if cut.is_none_or(|(_, keeps_item)| keeps_item) {
@@ -108,12 +110,18 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
 /// What stood anywhere before an item; kept along the way, so that nothing is read twice.
 #[derive(Clone, Copy, Default)]
 struct Earlier {
+    /// Where the open stretch starts.
+    start: usize,
     word_or_hold: bool,
     universal: bool,
+    /// Whether the open stretch tells how something is.
+    told: bool,
 }
 
 impl Earlier {
     fn see(&mut self, item: &Item) {
+        self.told |=
+            item.is_any(&[Sense::Copula, Sense::ThereIs, Sense::Statement]) && !item.is(Sense::Filler);
         self.word_or_hold |= item.is_word() || item.is(Sense::Hold);
         self.universal |= item.is(Sense::Det)
             && matches!(item.text.as_str(), "all" | "every" | "any" | "all the" | "all of the");
@@ -146,6 +154,9 @@ fn cut_before(
     let item = &items[at];
     let before = at.checked_sub(1).and_then(|idx| items.get(idx));
     let next = items.get(at + 1);
+    if item.text == "," && is_aside(items, at) {
+        return None;
+    }
     if item.sort == Sort::Mark {
         let join = if matches!(item.text.as_str(), "," | ":" | "-") { Join::Comma } else { Join::Start };
         return Some((join, false));
@@ -159,6 +170,15 @@ fn cut_before(
     }
     // "please to avoid the table" orders; "keep back to avoid damage" gives a reason.
     let is_order = item.text == "to avoid" && !earlier.word_or_hold;
+    // "replace the rug rule with half a metre around the sofa": what goes, and what comes.
+    let swaps = items.get(earlier.start).is_some_and(|first| {
+        first.is(Sense::Revoke)
+            && matches!(first.text.as_str(), "replace" | "swap" | "swap out" | "substitute")
+    });
+    let new_number = matches!(next.map(|n| &n.sort), Some(Sort::Quantity(_))) && at + 2 >= items.len();
+    if swaps && !new_number && at > earlier.start + 1 && matches!(item.text.as_str(), "with" | "by" | "for") {
+        return Some((Join::And, false));
+    }
     if item.is(Sense::Because) && !is_order {
         return Some((Join::Because, false));
     }
@@ -168,8 +188,17 @@ fn cut_before(
     if item.is(Sense::Until) {
         return Some((Join::Until, false));
     }
-    if item.is(Sense::IfWhen) && !(item.text == "once" && next.is_none_or(|n| n.sort == Sort::Mark)) {
+    // "should you see a dog" asks for a case; "never should the robot" does not.
+    let plain_should =
+        item.text == "should" && before.is_some_and(|b| b.sort != Sort::Mark && !b.is(Sense::And));
+    if item.is(Sense::IfWhen)
+        && !plain_should
+        && !(item.text == "once" && next.is_none_or(|n| n.sort == Sort::Mark))
+    {
         return Some((Join::If, false));
+    }
+    if item.text == "then" && before.is_some_and(|b| b.is(Sense::Until)) {
+        return None;
     }
     if item.is(Sense::And) {
         return Some((Join::And, false));
@@ -178,8 +207,11 @@ fn cut_before(
         return Some((Join::Or, false));
     }
     if item.is(Sense::But)
-        && !(item.text == "only" && before.is_none())
-        && !(item.text == "just" && before.is_none())
+        && !(matches!(item.text.as_str(), "only" | "just")
+            && before.is_none_or(|b| {
+                b.is_any(&[Sense::Copula, Sense::Subject, Sense::Because, Sense::Pronoun])
+                    || matches!(b.text.as_str(), "has" | "have" | "had" | "was" | "were" | "only")
+            }))
     {
         let universal_exception = item.text == "but"
             && before.is_some_and(Item::is_word)
@@ -190,11 +222,39 @@ fn cut_before(
                 .is_some_and(|b| b.is_any(&[Sense::Everywhere, Sense::AllRules]) || b.text == "anything");
         return if universal_exception || after_everywhere { None } else { Some((Join::But, false)) };
     }
+    // "it also splashes"
+    if item.text == "also" && before.is_some_and(|b| b.is_any(&[Sense::Pronoun, Sense::Subject])) {
+        return None;
+    }
     if item.is(Sense::Also) && !item.is(Sense::AsWell) {
         return Some((Join::And, false));
     }
     if item.text == "also" && before.is_some() && next.is_some_and(|n| n.sort != Sort::Mark) {
         return Some((Join::And, false));
+    }
+    // "there is lego in the corner can you not go over it": no pause, but a new start.
+    let asks = item.is(Sense::Filler)
+        && [
+            "can you",
+            "could you",
+            "would you",
+            "please",
+            "you must",
+            "you should",
+            "you have to",
+            "you need to",
+        ]
+        .iter()
+        .any(|start| item.text.starts_with(start))
+        || item.is_any(&[Sense::Avoid, Sense::Careful]) && !item.is(Sense::PrepNear)
+        || item.is(Sense::StayOff) && ["stay", "keep"].iter().any(|verb| item.text.starts_with(verb))
+        || item.is(Sense::Neg) && matches!(item.text.as_str(), "do not" | "never");
+    if earlier.told
+        && named
+        && asks
+        && before.is_some_and(|b| b.is_word() || b.is_any(&[Sense::Fragile, Sense::Sleeping, Sense::Pronoun]))
+    {
+        return Some((Join::So, true));
     }
     if (open == Join::If || open == Join::Because && is_first) && named && begins_order(items, at) {
         return Some((Join::Bare, true));
@@ -209,6 +269,19 @@ fn cut_before(
         return Some((Join::Comma, true));
     }
     None
+}
+
+/// Whether the comma opens or closes a filler between commas: "nobody, including you, goes in".
+fn is_aside(items: &[Item], at: usize) -> bool {
+    const N_ITEMS_MAX: usize = 3;
+    let filler =
+        |item: &Item| item.is(Sense::Filler) && !item.is_any(&[Sense::Careful, Sense::Fine, Sense::Motion]);
+    let ahead = items.iter().skip(at + 1).take(N_ITEMS_MAX).take_while(|item| filler(item)).count();
+    let opens = ahead > 0 && items.get(at + 1 + ahead).is_some_and(|item| item.text == ",");
+    let behind = items.iter().take(at).rev().take(N_ITEMS_MAX).take_while(|item| filler(item)).count();
+    let closes = behind > 0
+        && at.checked_sub(behind + 1).and_then(|idx| items.get(idx)).is_some_and(|item| item.text == ",");
+    (opens || closes) && at > 0
 }
 
 fn begins_order(items: &[Item], at: usize) -> bool {
@@ -226,7 +299,10 @@ fn begins_order(items: &[Item], at: usize) -> bool {
                 || n.text == "at"
                 || n.is(Sense::Turn)
         });
-    let order = item.is_any(&ORDERS) && !item.is_any(&[Sense::Pronoun, Sense::PrepNear]);
+    let told_to = item.is(Sense::Filler)
+        && ["you have to", "you must", "you should", "you need to", "you are to", "please"]
+            .contains(&item.text.as_str());
+    let order = told_to || item.is_any(&ORDERS) && !item.is_any(&[Sense::Pronoun, Sense::PrepNear]);
     let negated = item.is(Sense::Neg)
         && before.is_some_and(|b| b.is_word() || b.is_any(&[Sense::PrepNear, Sense::Pronoun]));
     motion || order || negated

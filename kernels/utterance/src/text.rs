@@ -4,6 +4,7 @@
 //! linear in the text.
 
 use crate::lexicon::{Lexicon, Sense};
+use crate::speech::{Speech, speech};
 
 /// Most characters an utterance may have.
 pub const CHARS_MAX: usize = 2000;
@@ -41,7 +42,32 @@ pub fn tokens(text: &str, lexicon: &Lexicon) -> Vec<Token> {
             out.push(token);
         }
     }
-    split_short_is(out, lexicon)
+    split_short_is(than_for_then(out), lexicon)
+}
+
+/// "closer then two feet": a slip that nobody hears.
+fn than_for_then(mut tokens: Vec<Token>) -> Vec<Token> {
+    for at in 1..tokens.len() {
+        let compares = matches!(
+            tokens[at - 1].text.as_str(),
+            "closer"
+                | "nearer"
+                | "faster"
+                | "slower"
+                | "quicker"
+                | "further"
+                | "farther"
+                | "more"
+                | "less"
+                | "higher"
+                | "lower"
+                | "greater"
+        );
+        if compares && tokens[at].text == "then" {
+            "than".clone_into(&mut tokens[at].text);
+        }
+    }
+    tokens
 }
 
 /// "the rug's gone", "its still wet": an "is" when a state follows, else a possessor.
@@ -71,7 +97,21 @@ fn state_follows(tokens: &[Token], at: usize, lexicon: &Lexicon) -> bool {
     let word_after = tokens
         .get(at + n_tokens)
         .is_some_and(|after| !after.is_mark() && lexicon.senses_at(tokens, at + n_tokens).is_none());
+    // "the sign's out", "the lead's trailing across the landing": no owner owns these.
+    let place = |sense: &Sense| {
+        matches!(sense, Sense::PrepOn | Sense::PrepNear | Sense::PrepUnder | Sense::PrepBehind)
+    };
+    let leads_to_place = phrase.is_some_and(|(senses, _)| senses.iter().any(place));
+    let told = tokens.get(at).is_some_and(|next| {
+        matches!(speech(&next.text), Speech::Participle | Speech::Adjective | Speech::Verb) && !word_after
+            || matches!(
+                next.text.as_str(),
+                "out" | "off" | "where" | "gone" | "back" | "away" | "here" | "there"
+            )
+    });
     is_state && (n_tokens > 1 || !word_after)
+        || leads_to_place
+        || told
         || leads_to_state
         || tokens.get(at).is_some_and(|next| lexicon.is_state_word(&next.text)) && !word_after
 }
@@ -132,12 +172,34 @@ fn raw_tokens(text: &str) -> Vec<Token> {
                 // A dash between spaces pauses; a lone hyphen elsewhere joins nothing.
                 '-' if !glued => out.push(Token { text: "-".into(), glued }),
                 '\n' => out.push(Token { text: ".".into(), glued: false }),
+                '(' | ')' | '[' | ']' => {
+                    // "1) … 2) …", "(a) … (b) …": marks of a list.
+                    let mark = list_mark(&chars, start);
+                    if mark.is_some_and(|n| n < 0) {
+                        out.pop();
+                    }
+                    at += mark.map_or(0, |n| usize::try_from(n).unwrap_or(0));
+                    let text = if mark.is_some() { "." } else { "," };
+                    out.push(Token { text: text.into(), glued: false });
+                }
+                '=' => out.push(Token { text: "is".into(), glued: false }),
                 '&' => out.push(Token { text: "and".into(), glued: false }),
                 _ => {}
             }
         }
     }
     out
+}
+
+/// Whether a bracket belongs to the mark of a list: how many characters follow of it, or -1 for "1)".
+fn list_mark(chars: &[char], at: usize) -> Option<isize> {
+    let is_label = |idx: usize| chars.get(idx).is_some_and(|c| c.is_alphanumeric());
+    if chars.get(at) == Some(&'(') && is_label(at + 1) && chars.get(at + 2) == Some(&')') {
+        return Some(2);
+    }
+    let starts = |idx: usize| idx == 0 || chars.get(idx - 1).is_some_and(|c| c.is_whitespace());
+    let closes = chars.get(at) == Some(&')') && at > 0 && is_label(at - 1) && starts(at - 1);
+    closes.then_some(-1)
 }
 
 /// Lower case, straight quotes, plain dashes, vulgar fractions as digits.

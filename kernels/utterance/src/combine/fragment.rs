@@ -4,7 +4,7 @@ use super::{Joiner, Last};
 use crate::clause::{Clause, is_limit};
 use crate::draft::Draft;
 use crate::lexicon::Sense;
-use crate::noun::Name;
+use crate::noun::{Name, Nouns};
 use crate::quantity::Kind;
 use crate::segment::Join;
 
@@ -13,7 +13,10 @@ impl Joiner {
     pub(super) fn fragment(&mut self, mut draft: Draft) {
         // "play hide and seek", "bring tea and biscuits": more of the task.
         let of_task = self.last == Last::Other
-            && matches!(draft.join, Some(Join::And | Join::Or))
+            && (matches!(draft.join, Some(Join::And | Join::Or))
+                || draft.join == Some(Join::Comma)
+                    && !draft.words.starts_with("the ")
+                    && self.out.others.last().is_some_and(|other| other.has(Sense::Task)))
             && draft.quantities.is_empty()
             && draft.leftover.is_empty()
             && draft.senses.is_empty();
@@ -74,14 +77,20 @@ impl Joiner {
         self.names_or_places(draft, goes_on);
     }
 
-    fn names_or_places(&mut self, draft: Draft, goes_on: bool) {
-        self.mentioned.extend(draft.all_names().filter(|name| !name.is_pronoun).cloned());
+    fn names_or_places(&mut self, mut draft: Draft, goes_on: bool) {
+        // What is named stands before where it is: "a crew on floor 2, keep back from them".
+        let placed = draft.regions.iter().flat_map(|region| &region.names);
+        self.mentioned.extend(placed.chain(draft.names.iter()).filter(|name| !name.is_pronoun).cloned());
         self.forget_old_mentions();
         if draft.names.is_empty() && draft.regions.is_empty() && draft.except.is_empty() {
             return;
         }
         if goes_on && self.last == Last::Reason && !draft.names.is_empty() && draft.regions.is_empty() {
             return;
+        }
+        // "cleaning in progress in the restroom": the place is meant.
+        if !draft.regions.is_empty() {
+            draft.names.retain(|name| !Nouns::get().is_event(&name.obj));
         }
         let ttl_s = draft.ttl_s;
         if let (true, Last::Order, Some(clause)) = (goes_on, self.last, self.out.orders.last_mut()) {

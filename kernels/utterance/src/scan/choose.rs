@@ -36,6 +36,8 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
             return Some(Sense::Avoid);
         }
         "leave" => return Some(if draft.is_negated() { Sense::VerbLeave } else { Sense::Hold }),
+        "drop" if next.is_some_and(|n| n.is(Sense::To)) => return Some(Sense::Dampen),
+        "out" if draft.has(Sense::VerbWake) => return None,
         "clear" | "drop" | "lift" | "end" | "reset" | "scratch"
             if draft.senses.is_empty() && draft.n_neg == 0 =>
         {
@@ -50,6 +52,13 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
         "be" | "do" | "does" | "did" => {
             return if text == "be" && draft.is_negated() { Some(Sense::Motion) } else { None };
         }
+        // "the grass here is poisonous"
+        "here is" | "here are" if !draft.names.is_empty() => return Some(Sense::Copula),
+        "gets" if draft.names.iter().any(|name| !name.is_pronoun) => return Some(Sense::Copula),
+        "too fast" | "too quickly" | "so fast" | "that fast" if draft.is_negated() => {
+            return Some(Sense::Fast);
+        }
+        "too fast" | "too quickly" | "so fast" | "that fast" => return Some(Sense::Slower),
         "wide" if next.is_some_and(Item::is_word) => return None,
         "too" if next.is_some() => return None,
         _ => {}
