@@ -6,9 +6,9 @@
 //! and which cannot. The few that can are computed again exactly in f64, so that neither rounding nor packing
 //! ever decides. Deliberately not here: what a rollout must keep (`standard`, `score`).
 
-pub(crate) mod isa;
 pub(crate) mod merge;
 pub(crate) mod normal;
 pub(crate) mod packed;
 
-pub use isa::Isa;
+pub(crate) use mapping::isa;
+pub use mapping::isa::Isa;
