@@ -4,10 +4,10 @@
 //! They are plain Rust. What they compute are *bounds*: which rollouts can be the best, and which cannot. The few that can are computed again exactly in f64, so that neither rounding nor packing
 //! ever decides. Deliberately not here: what a rollout must keep (`standard`, `score`).
 
-pub(crate) mod isa;
 pub(crate) mod merge;
 pub(crate) mod normal;
 pub(crate) mod packed;
 pub(crate) mod sweep;
 
-pub use isa::Isa;
+pub(crate) use mapping::isa;
+pub use mapping::isa::Isa;
