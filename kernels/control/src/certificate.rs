@@ -71,23 +71,21 @@ impl Breach {
 ///
 /// # Errors
 /// The first [`Breach`], in order of time, when the plan is not certified.
-pub(crate) fn certify(scene: &Scene<'_>, plan: &Plan) -> Result<(f64, Option<Source>), Breach> {
+pub(crate) fn certify(scene: &Scene<'_>, plan: &Plan) -> Result<Kept, Breach> {
     if !plan.ends_at_rest() {
         return Err(Breach::Moving);
     }
     let rest = plan.rest();
     let (start_m_s, passed_s) = (plan.samples()[0].state.speed_m_s, plan.moving_s_now());
-    let mut worst = (f64::INFINITY, None);
-    let mut note = |margin_m: f64, source: Option<Source>| {
-        if margin_m < worst.0 {
-            worst = (margin_m, source);
+    let mut worst: Kept = (f64::INFINITY, None);
+    let mut note = |kept: Kept| {
+        worst = least(worst, kept);
+        match kept {
+            // Written so that NaN fails.
+            (margin_m, _) if margin_m > 0.0 => Ok(()),
+            (margin_m, Some(source)) => Err(Breach::Near(source, margin_m)),
+            (_, None) => Err(Breach::Moving),
         }
-        // Written so that NaN fails.
-        if margin_m > 0.0 { Ok(()) } else { Err(source) }
-    };
-    let near = |(margin_m, _): (f64, Option<Source>), source: Option<Source>| match source {
-        Some(source) => Breach::Near(source, margin_m),
-        None => Breach::Moving,
     };
     let spatial =
         |sample: &Sample| scene.nearest(sample.state.position(), (sample.moving_s - passed_s).max(0.0));
@@ -99,16 +97,23 @@ pub(crate) fn certify(scene: &Scene<'_>, plan: &Plan) -> Result<(f64, Option<Sou
         let to_margin = spatial(to);
         let turn_rad = from.yaw_rate_rad_s * plan.step_s();
         let lost_m = scene.loss_m(to.path_m - from.path_m, turn_rad) + tube_m(to);
-        let ends = if to_margin.0 < from_margin.0 { to_margin } else { from_margin };
-        note(ends.0 - lost_m, ends.1).map_err(|source| near((ends.0 - lost_m, source), source))?;
+        let (ends_m, source) = least(from_margin, to_margin);
+        note((ends_m - lost_m, source))?;
         within_limits(scene, (from, to), (tube_m(from), tube_m(to)), k == 0, passed_s)?;
         from_margin = to_margin;
     }
     // The place of rest, for a plan that has come to its end.
     let last = &rest[rest.len() - 1];
-    let left_m = from_margin.0 - tube_m(last);
-    note(left_m, from_margin.1).map_err(|source| near((left_m, source), source))?;
+    note((from_margin.0 - tube_m(last), from_margin.1))?;
     Ok(worst)
+}
+
+/// A margin that is kept, metres, and whose it is.
+type Kept = (f64, Option<Source>);
+
+/// The smaller of two margins; the first when they are the same.
+fn least(a: Kept, b: Kept) -> Kept {
+    std::cmp::min_by(a, b, |a, b| a.0.total_cmp(&b.0))
 }
 
 /// Whether one segment heeds every limit of the zones it may touch.

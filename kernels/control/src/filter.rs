@@ -159,7 +159,7 @@ impl Filter {
         let choice = match self.config.method {
             Method::PaperLiteral | Method::PaperLiteralBlending => {
                 self.noise_for_this_tick();
-                self.noise.draw(self.search.n_samples * self.search.n_rounds.max(1));
+                self.noise.draw(self.search.n_rounds.max(1));
                 self.literal.choose(world, &scene, wanted, &self.noise, &self.search, &self.config)
             }
             _ => self.choose(&mut scene, nominal, wanted),

@@ -285,7 +285,7 @@ pub(crate) fn search(
         }
     }
     for round in 0..search.n_rounds {
-        noise.draw((round + 1) * search.n_samples);
+        noise.draw(round + 1);
         let mut incumbent = std::mem::take(&mut best.trial);
         incumbent.clear();
         // Nothing certified yet: sample around the last solution, else around braking.

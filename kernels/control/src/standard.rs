@@ -12,10 +12,9 @@ pub mod service;
 
 mod exact;
 mod field;
-mod kinematics;
+mod model;
 mod runner;
 mod scene;
-mod sweep;
 
 pub use runner::{Choice, StandardFilter};
 pub use scene::{Scene, SceneError};

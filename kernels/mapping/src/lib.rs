@@ -18,6 +18,7 @@ pub mod floor_area;
 pub mod floor_plane;
 pub mod grid;
 pub mod image;
+pub mod isa;
 pub mod localise;
 pub mod map_file;
 pub mod morphology;

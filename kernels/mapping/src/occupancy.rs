@@ -6,10 +6,12 @@
 
 mod beneath;
 mod faces;
+mod hidden;
 
 use beneath::beneath;
 use faces::Rectangle;
 use geometry::{Point2, Point3};
+pub use hidden::with_hidden;
 
 use crate::floor_area::FLOOR_HEIGHT_M;
 use crate::grid::{Cell, Grid, GridError, Layout, Shape};

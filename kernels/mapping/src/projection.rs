@@ -157,12 +157,12 @@ impl<'a> TrustedDepth<'a> {
 
     /// Whether three depths in line break at the middle one; 0 is a depth that is not known.
     fn breaks(&self, before: f32, here: f32, after: f32) -> bool {
-        let jump = |other: f32| if other > 0.0 { (other - here).abs() / here } else { 0.0 };
-        let largest = jump(before).max(jump(after));
-        if largest <= self.edge_relative {
+        let jump_m = |other: f32| if other > 0.0 { (other - here).abs() } else { 0.0 };
+        let largest_m = jump_m(before).max(jump_m(after));
+        if largest_m <= self.edge_relative * here {
             return false;
         }
-        if largest > EDGE_ALWAYS || before <= 0.0 || after <= 0.0 {
+        if largest_m > EDGE_ALWAYS * here || before <= 0.0 || after <= 0.0 {
             return true;
         }
         let (step, next_step) = (1.0 / here - 1.0 / before, 1.0 / after - 1.0 / here);

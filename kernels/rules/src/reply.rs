@@ -69,3 +69,19 @@ pub struct Reply {
     #[cfg_attr(feature = "serde", serde(default))]
     pub say: String,
 }
+
+impl Reply {
+    /// A reply of this outcome with nothing in it yet.
+    #[must_use]
+    pub fn of(outcome: Outcome) -> Reply {
+        Reply {
+            outcome,
+            specs: Vec::new(),
+            revoked: Vec::new(),
+            question: None,
+            options: Vec::new(),
+            reason: None,
+            say: String::new(),
+        }
+    }
+}

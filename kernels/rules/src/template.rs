@@ -8,9 +8,10 @@ use geometry::Profile;
 
 use crate::{Relation, Rule, RuleType};
 
-/// A specification in the five fields of the paper; extra and missing keys as in its listings.
+/// A specification in the five fields of the paper, under its keys or those of [`Rule`]; any may be missing.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct FiveFields {
     /// Exclusion or kinematic; implied by the limits when absent.
     #[cfg_attr(feature = "serde", serde(default, rename = "type", skip_serializing_if = "Option::is_none"))]
@@ -19,18 +20,23 @@ pub struct FiveFields {
     #[cfg_attr(feature = "serde", serde(default))]
     pub obj: String,
     /// Metres from the object.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, alias = "buffer_m"))]
     pub buffer: f64,
     /// Speed limit, m/s; the robot's own when it is not limited.
     #[cfg_attr(
         feature = "serde",
-        serde(default, rename = "vel max", skip_serializing_if = "Option::is_none")
+        serde(default, rename = "vel max", alias = "vel_max", skip_serializing_if = "Option::is_none")
     )]
     pub vel_max: Option<f64>,
     /// Turn rate limit, rad/s; the robot's own when it is not limited.
     #[cfg_attr(
         feature = "serde",
-        serde(default, rename = "angular vel max", skip_serializing_if = "Option::is_none")
+        serde(
+            default,
+            rename = "angular vel max",
+            alias = "ang_vel_max",
+            skip_serializing_if = "Option::is_none"
+        )
     )]
     pub ang_vel_max: Option<f64>,
 }

@@ -15,7 +15,7 @@ pub fn accept(rules: Vec<Rule>, revoked: Vec<String>, notes: &[String]) -> Reply
         said.push(format!("That replaces {}.", and_list(&revoked)));
     }
     said.extend(notes.iter().cloned());
-    Reply { specs: rules, revoked, say: said.join(" "), ..plain(Outcome::Accept) }
+    Reply { specs: rules, revoked, say: said.join(" "), ..Reply::of(Outcome::Accept) }
 }
 
 /// Rules lifted.
@@ -34,7 +34,7 @@ pub fn revoke(lifted: &[&Rule], notes: &[String]) -> Reply {
     Reply {
         revoked: lifted.iter().map(|rule| rule.id.clone()).collect(),
         say: said,
-        ..plain(Outcome::Revoke)
+        ..Reply::of(Outcome::Revoke)
     }
 }
 
@@ -47,24 +47,12 @@ pub fn clarify(question: &str, options: Vec<ReplyOption>) -> Reply {
         question: Some(question.to_owned()),
         say: question.to_owned(),
         options,
-        ..plain(Outcome::Clarify)
+        ..Reply::of(Outcome::Clarify)
     }
 }
 
 /// Nothing to heed, or nothing that may be done.
 #[must_use]
 pub fn refuse(reason: RefuseReason, say: &str) -> Reply {
-    Reply { reason: Some(reason), say: say.to_owned(), ..plain(Outcome::Refuse) }
-}
-
-fn plain(outcome: Outcome) -> Reply {
-    Reply {
-        outcome,
-        specs: vec![],
-        revoked: vec![],
-        question: None,
-        options: vec![],
-        reason: None,
-        say: String::new(),
-    }
+    Reply { reason: Some(reason), say: say.to_owned(), ..Reply::of(Outcome::Refuse) }
 }

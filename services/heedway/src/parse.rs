@@ -10,6 +10,7 @@ use geometry::Profile;
 use heedway_language::LanguageSettings;
 use heedway_language::admission::clarify;
 use heedway_language::llm::{LlmParser, LlmSettings};
+use rules::template::FiveFields;
 use rules::{Outcome, Reply, Rule};
 use serde::{Deserialize, Serialize};
 
@@ -53,30 +54,24 @@ enum ParserName {
 #[derive(Debug, Deserialize)]
 struct Sentence {
     id: serde_json::Value,
+    /// The rules in force; see [`in_force`].
     #[serde(default)]
-    context: Vec<InForce>,
+    context: Option<Vec<serde_json::Value>>,
     text: String,
 }
 
-/// A rule in force: as it is, or as a log of a dialogue wraps it.
-#[derive(Debug, Deserialize)]
-#[serde(untagged)]
-enum InForce {
-    /// `{"active": rule}`.
-    Wrapped {
-        /// The rule.
-        active: Box<Rule>,
-    },
-    /// The rule itself.
-    Plain(Box<Rule>),
-}
-
-impl InForce {
-    fn into_rule(self) -> Rule {
-        match self {
-            InForce::Wrapped { active: rule } | InForce::Plain(rule) => *rule,
-        }
+/// A rule in force: as it is, as a log of a dialogue wraps it (`{"active": rule}`), or in the paper's five fields.
+fn in_force(mut value: serde_json::Value, profile: &Profile) -> anyhow::Result<Rule> {
+    if let Some(active) = value.get_mut("active") {
+        value = active.take();
     }
+    if value.get("relation").is_some() {
+        return Ok(serde_json::from_value::<Rule>(value)?);
+    }
+    let id = value.as_object_mut().and_then(|fields| fields.remove("id"));
+    let id = id.and_then(|id| Some(id.as_str()?.to_owned())).unwrap_or_default();
+    let fields: FiveFields = serde_json::from_value(value)?;
+    Ok(Rule { id, ..fields.into_rule(profile) })
 }
 
 /// One line out.
@@ -92,8 +87,10 @@ struct Parsed {
 
 /// Reads sentences from standard input until its end and writes what they mean.
 ///
+/// A line that cannot be read is told on standard error and the next one is read; the exit code is then 1.
+///
 /// # Errors
-/// When a line cannot be read, or no language model is told of; lines before it are answered.
+/// When input or output break, or no language model is told of.
 pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let profile = match arguments.profile {
         ProfileName::Sim => Profile::sim(),
@@ -102,8 +99,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let (lines, mut out) = (std::io::stdin().lock(), std::io::stdout().lock());
     let offline = |context: &[Rule], words: &str| utterance::parse(context, &profile, words);
     if arguments.parser == ParserName::Offline {
-        parse_lines(lines, &mut out, offline)?;
-        return Ok(ExitCode::SUCCESS);
+        return Ok(exit_code(parse_lines(lines, &mut out, &profile, offline)?));
     }
     let model = model(arguments.config.as_deref(), &profile)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
@@ -116,8 +112,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
             clarify(&format!("The language model gave no answer: {reason}. Please say it again."), vec![])
         }
     };
-    parse_lines(lines, &mut out, parser)?;
-    Ok(ExitCode::SUCCESS)
+    Ok(exit_code(parse_lines(lines, &mut out, &profile, parser)?))
+}
+
+/// Says on standard error which lines could not be read.
+fn exit_code(unread: Vec<anyhow::Error>) -> ExitCode {
+    for reason in &unread {
+        eprintln!("heedway: {reason:#}");
+    }
+    if unread.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
 /// The language model that the configuration names, or else the environment.
@@ -132,75 +135,101 @@ fn model(config: Option<&Path>, profile: &Profile) -> anyhow::Result<LlmParser> 
     LlmParser::new(&settings, &loaded.folder, profile.clone())
 }
 
+/// Answers each line that can be read; why the others could not.
 fn parse_lines(
     lines: impl BufRead,
     out: &mut impl Write,
+    profile: &Profile,
     parser: impl Fn(&[Rule], &str) -> Reply,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<anyhow::Error>> {
+    let mut unread = Vec::new();
     for (idx, line) in lines.split(b'\n').enumerate() {
         let place = || format!("standard input, line {}", idx + 1);
         let line = line.with_context(place)?;
-        if line.len() > N_LINE_BYTES_MAX {
-            bail!("{}: {} bytes, at most {N_LINE_BYTES_MAX}", place(), line.len());
-        }
         if line.iter().all(u8::is_ascii_whitespace) {
             continue;
         }
-        let sentence: Sentence = serde_json::from_slice(&line).with_context(place)?;
-        let context: Vec<Rule> = sentence.context.into_iter().map(InForce::into_rule).collect();
-        let reply = parser(&context, &sentence.text);
-        let parsed = Parsed {
-            id: sentence.id,
-            outcome: reply.outcome,
-            specs: reply.specs,
-            revoked: reply.revoked,
-            question: reply.question,
-            say: reply.say,
-        };
-        serde_json::to_writer(&mut *out, &parsed)?;
-        out.write_all(b"\n").context("write")?;
+        match parse_line(&line, profile, &parser).with_context(place) {
+            Ok(parsed) => {
+                serde_json::to_writer(&mut *out, &parsed)?;
+                out.write_all(b"\n").context("write")?;
+            }
+            Err(reason) => unread.push(reason),
+        }
     }
-    Ok(())
+    Ok(unread)
+}
+
+fn parse_line(
+    line: &[u8],
+    profile: &Profile,
+    parser: impl Fn(&[Rule], &str) -> Reply,
+) -> anyhow::Result<Parsed> {
+    if line.len() > N_LINE_BYTES_MAX {
+        bail!("{} bytes, at most {N_LINE_BYTES_MAX}", line.len());
+    }
+    let Sentence { id, context, text } = serde_json::from_slice(line)?;
+    let context = context.unwrap_or_default().into_iter().enumerate();
+    let context = context
+        .map(|(k, value)| in_force(value, profile).with_context(|| format!("rule {} of the context", k + 1)))
+        .collect::<anyhow::Result<Vec<Rule>>>()?;
+    let Reply { outcome, specs, revoked, question, say, .. } = parser(&context, &text);
+    Ok(Parsed { id, outcome, specs, revoked, question, say })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn answer(text: &str) -> (anyhow::Result<()>, String) {
+    /// What cannot be read of a text, and the answers to the rest; each answer says what it was asked, and under
+    /// which rules.
+    fn answer(text: &str) -> (Vec<String>, Vec<serde_json::Value>) {
         let mut out = Vec::new();
-        let parser = |_: &[Rule], words: &str| Reply {
-            outcome: Outcome::Refuse,
-            specs: vec![],
-            revoked: vec![],
-            question: None,
-            options: vec![],
-            reason: None,
-            say: words.to_owned(),
+        let parser = |context: &[Rule], words: &str| {
+            let rules: Vec<&str> = context.iter().map(|rule| rule.id.as_str()).collect();
+            clarify(&format!("{words} {}", rules.join(",")), vec![])
         };
-        let end = parse_lines(text.as_bytes(), &mut out, parser);
-        (end, String::from_utf8(out).unwrap())
+        let unread = parse_lines(text.as_bytes(), &mut out, &Profile::sim(), parser).unwrap();
+        let out = String::from_utf8(out).unwrap();
+        (
+            unread.iter().map(|reason| format!("{reason:#}")).collect(),
+            out.lines().map(|line| serde_json::from_str(line).unwrap()).collect(),
+        )
     }
 
     #[test]
     fn each_line_is_answered_with_its_id() {
-        let (end, out) =
-            answer("{\"id\":\"a\",\"context\":[],\"text\":\"one\"}\n\n{\"id\":7,\"text\":\"two\"}");
-        end.unwrap();
-        let lines: Vec<serde_json::Value> =
-            out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-        assert_eq!(lines.len(), 2);
-        assert_eq!((&lines[0]["id"], &lines[0]["say"]), (&"a".into(), &"one".into()));
-        assert_eq!((&lines[1]["id"], &lines[1]["outcome"]), (&7.into(), &"refuse".into()));
-        for key in ["specs", "revoked", "question"] {
+        let (unread, lines) = answer(
+            "{\"id\":\"a\",\"context\":[],\"text\":\"one\"}\n\n{\"id\":7,\"context\":null,\"text\":\"two\"}",
+        );
+        assert_eq!((unread.len(), lines.len()), (0, 2));
+        assert_eq!((&lines[0]["id"], &lines[0]["question"]), (&"a".into(), &"one ".into()));
+        assert_eq!((&lines[1]["id"], &lines[1]["outcome"]), (&7.into(), &"clarify".into()));
+        for key in ["specs", "revoked", "question", "say"] {
             assert!(lines[0].get(key).is_some(), "{key} is missing");
         }
     }
 
     #[test]
-    fn a_bad_line_is_named_after_the_good_ones_are_answered() {
-        let (end, out) = answer("{\"id\":1,\"text\":\"one\"}\nnonsense\n");
-        assert!(format!("{:#}", end.unwrap_err()).contains("line 2"));
-        assert_eq!(out.lines().count(), 1);
+    fn a_line_that_cannot_be_read_is_named_and_the_next_one_is_answered() {
+        let (unread, lines) = answer("{\"id\":1,\"text\":\"one\"}\nnonsense\n{\"id\":2,\"text\":\"two\"}");
+        assert_eq!((unread.len(), lines.len()), (1, 2));
+        assert!(unread[0].contains("line 2"), "{unread:?}");
+    }
+
+    #[test]
+    fn a_rule_in_force_may_be_whole_wrapped_or_in_the_papers_five_fields() {
+        let whole = r#"{"id":"s1","type":"exclusion","relation":"near","obj":"rug"}"#;
+        let five = r#"{"id":"s3","type":"kinematic","obj":"bed","buffer":1,"vel max":0.4}"#;
+        let (unread, lines) =
+            answer(&format!(r#"{{"id":1,"context":[{whole},{{"active":{whole}}},{five}],"text":""}}"#));
+        assert_eq!((unread.len(), &lines[0]["question"]), (0, &" s1,s1,s3".into()));
+        let (unread, _) = answer(r#"{"id":1,"context":[{"id":"s1","obj":"rug","buffer_m":0.3}],"text":""}"#);
+        assert!(unread.is_empty(), "{unread:?}");
+        let (unread, _) = answer(r#"{"id":1,"context":[{"obj":"rug","ttl_s":60}],"text":""}"#);
+        assert!(unread[0].contains("ttl_s"), "what is not understood is not dropped: {unread:?}");
+        let wrong = r#"{"type":"exclusion","relation":"nigh","obj":"rug"}"#;
+        let (unread, _) = answer(&format!(r#"{{"id":1,"context":[{whole},{wrong}],"text":""}}"#));
+        assert!(unread[0].contains("rule 2") && unread[0].contains("nigh"), "{unread:?}");
     }
 }

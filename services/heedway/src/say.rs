@@ -137,13 +137,9 @@ mod tests {
 
     fn question() -> InstructionReply {
         let plain = Reply {
-            outcome: Outcome::Clarify,
-            specs: vec![],
-            revoked: vec![],
             question: Some("How far?".into()),
-            options: vec![],
-            reason: None,
             say: "How far?".into(),
+            ..Reply::of(Outcome::Clarify)
         };
         let option = |label: &str| ReplyOption { label: label.into(), reply: plain.clone() };
         let reply = Reply { options: vec![option("0.3 m"), option("1 m")], ..plain.clone() };

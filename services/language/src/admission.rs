@@ -109,7 +109,7 @@ impl Admission<'_> {
                  say it again once I do."
             ));
         }
-        let reply = Reply { specs, revoked, question: None, options: vec![], reason: None, say, ..reply };
+        let reply = Reply { specs, revoked, say, ..Reply::of(reply.outcome) };
         Verdict { reply, book: Some(book) }
     }
 
@@ -172,15 +172,7 @@ pub fn clarify(question: &str, options: Vec<ReplyOption>) -> Reply {
     let labels: Vec<String> = options.iter().map(|option| option.label.clone()).collect();
     let say =
         if labels.is_empty() { question.to_owned() } else { format!("{question} ({})", labels.join("; ")) };
-    Reply {
-        outcome: Outcome::Clarify,
-        specs: vec![],
-        revoked: vec![],
-        question: Some(question.to_owned()),
-        options,
-        reason: None,
-        say,
-    }
+    Reply { question: Some(question.to_owned()), options, say, ..Reply::of(Outcome::Clarify) }
 }
 
 /// A refusal; nothing changes.
@@ -195,29 +187,13 @@ pub fn refuse(reason: RefuseReason, say: &str) -> Reply {
             RefuseReason::Unsupported => "I can't put that into a rule.",
         }
     };
-    Reply {
-        outcome: Outcome::Refuse,
-        specs: vec![],
-        revoked: vec![],
-        question: None,
-        options: vec![],
-        reason: Some(reason),
-        say: say.to_owned(),
-    }
+    Reply { reason: Some(reason), say: say.to_owned(), ..Reply::of(Outcome::Refuse) }
 }
 
 /// Rules lifted, or none.
 #[must_use]
 pub fn revocation(revoked: Vec<String>, say: String) -> Reply {
-    Reply {
-        outcome: Outcome::Revoke,
-        specs: vec![],
-        revoked,
-        question: None,
-        options: vec![],
-        reason: None,
-        say,
-    }
+    Reply { revoked, say, ..Reply::of(Outcome::Revoke) }
 }
 
 fn shortened(text: String) -> String {
@@ -230,7 +206,7 @@ mod tests {
     use rules::Relation;
 
     fn accept(specs: Vec<Rule>) -> Reply {
-        Reply { outcome: Outcome::Accept, specs, reason: None, ..clarify("", vec![]) }
+        Reply { specs, ..Reply::of(Outcome::Accept) }
     }
 
     fn book(n: usize) -> Rulebook {

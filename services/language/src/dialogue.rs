@@ -189,15 +189,7 @@ mod tests {
     use std::time::Duration;
 
     fn options(labels: &[&str]) -> Vec<ReplyOption> {
-        let reply = Reply {
-            outcome: Outcome::Revoke,
-            specs: vec![],
-            revoked: vec![],
-            question: None,
-            options: vec![],
-            reason: None,
-            say: String::new(),
-        };
+        let reply = Reply::of(Outcome::Revoke);
         labels.iter().map(|label| ReplyOption { label: (*label).into(), reply: reply.clone() }).collect()
     }
 

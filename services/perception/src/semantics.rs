@@ -55,6 +55,7 @@ pub async fn serve(life: Life, settings: Settings) -> anyhow::Result<()> {
     life.bus.subscribe(&topics::ODOMETRY, &inbox, 64, |r| Input::Odometry(r.message)).await?;
     life.bus.subscribe(&topics::POSE, &inbox, 8, |r| Input::Pose(r.message)).await?;
     life.bus.subscribe(&topics::RULES, &inbox, 4, |r| Input::Rules(r.message)).await?;
+    life.bus.subscribe(&topics::BASE_MAP, &inbox, 1, |r| Input::BaseMap(r.message)).await?;
     life.bus.subscribe(&topics::PLACES, &inbox, 2, |r| Input::Places(r.message)).await?;
     // One frame: an older one is worth less than the wait for it.
     life.bus.subscribe(&topics::RGBD, &inbox, 1, |r| Input::Frame(Box::new(r.message))).await?;

@@ -97,6 +97,11 @@ impl Plant {
         }
     }
 
+    /// The world has changed: how far it is to anything is not known any more.
+    pub fn look_anew(&mut self) {
+        self.free_m = 0.0;
+    }
+
     /// Takes a set-point; it takes effect after the delay. One that is not finite is taken as zero.
     pub fn command(&mut self, now: Time, twist: Twist) {
         if self.pending.len() == N_PENDING_MAX {

@@ -11,6 +11,7 @@ use heedway_simulator::truth::GroundTruth;
 use mapping::{Cell, Grid, Layout, Occupancy};
 use rules::RuleType;
 
+use crate::judge::buffer_m;
 use crate::zone::Zone;
 
 /// Side of a cell of the grid, metres.
@@ -34,6 +35,15 @@ pub struct Checked {
     pub passage_m: Option<f64>,
     /// Why the case is refused; empty when it is not.
     pub refused: String,
+}
+
+/// The best that can be done in a case, knowing everything from the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Best {
+    /// Length of the shortest way that keeps every rule, metres.
+    pub length_m: f64,
+    /// Least time for it: as fast everywhere as robot and rules allow, accelerations left out, seconds.
+    pub time_s: f64,
 }
 
 /// Exact distances of a scene on a grid.
@@ -102,6 +112,33 @@ impl<'a> Survey<'a> {
             Some(_) => {}
         }
         Checked { broken, passage_m, refused: reasons.join("; ") }
+    }
+
+    /// The best way of a case, or without rules; `None` when no way keeps them.
+    #[must_use]
+    pub fn best(&self, case: Option<&Case>) -> Option<Best> {
+        let rules = case.map_or(&[][..], |case| case.rules.as_slice());
+        let zones: Vec<(&CaseRule, Zone)> =
+            rules.iter().map(|rule| (rule, Zone::of(rule, self.scene, self.scene.map_from_start))).collect();
+        let layout = *self.obstacle_m.layout();
+        let depth_m = |rule: &CaseRule, zone: &Zone, at| Some(buffer_m(rule) - self.gap_m(zone, at)?);
+        let keep_out: Vec<_> = zones.iter().filter(|(rule, _)| keeps_out(rule)).collect();
+        let room_m = layout.cells().map(|cell| {
+            let at = layout.centre(cell);
+            let zones = keep_out.iter().filter_map(|(rule, zone)| depth_m(rule, zone, at));
+            zones.fold(*self.obstacle_m.get(cell), |room_m, depth_m| room_m.min(self.profile.radius_m - depth_m))
+        });
+        let room_m = Grid::from_values(layout, room_m.collect()).ok()?;
+        let way = nominal(self.scene, &room_m, self.profile).ok()?.ok()?;
+        let speed_m_s = |at: Point2| {
+            let limits = zones.iter().filter(|(rule, zone)| depth_m(rule, zone, at).is_some_and(|m| m >= 0.0));
+            let limits = limits.filter_map(|(rule, _)| rule.speed_m_s_max.filter(|limit| *limit > 0.0));
+            limits.fold(self.profile.speed_m_s_max, f64::min)
+        };
+        let steps = way.windows(2).map(|w| ((w[1] - w[0]).norm(), nalgebra::center(&w[0], &w[1])));
+        let (length_m, time_s) =
+            steps.fold((0.0, 0.0), |(l, t), (step_m, at)| (l + step_m, t + step_m / speed_m_s(at)));
+        Some(Best { length_m, time_s })
     }
 
     fn gap_m(&self, zone: &Zone, at: Point2) -> Option<f64> {

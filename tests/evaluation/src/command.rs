@@ -2,6 +2,7 @@
 
 mod check;
 mod generated;
+mod options;
 mod paper;
 mod scene;
 

@@ -109,6 +109,12 @@ impl Judge {
         self.findings.recovery_s += if recovers { moment.elapsed_s } else { 0.0 };
     }
 
+    /// Whether any rule is broken at this moment, whoever was told of it.
+    #[must_use]
+    pub fn breaks(&self, moment: &Moment<'_>) -> bool {
+        self.watches.iter().any(|watch| breach(&watch.rule, &watch.zone, moment).is_some())
+    }
+
     /// What was found.
     #[must_use]
     pub fn findings(&self) -> &Findings {

@@ -7,6 +7,8 @@
 
 pub mod check;
 pub mod command;
+pub mod condition;
+pub mod course;
 pub mod generate;
 pub mod judge;
 pub mod model_host;

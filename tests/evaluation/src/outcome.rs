@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::setup::{Condition, Masks, Method, Planner, Sensing};
+use crate::condition::{Condition, Event, Masks, Method, Planner, Sensing};
 use crate::trial::{Run, Task, play};
 
 /// What came of a trial.
@@ -48,6 +48,9 @@ pub struct Line {
     pub planner: Planner,
     /// How well the robot sensed.
     pub sensing: Sensing,
+    /// What happened beside driving.
+    #[serde(default)]
+    pub event: Event,
     /// Replays the trial.
     pub seed: u64,
     /// What came of it.
@@ -68,6 +71,14 @@ pub struct Line {
     pub time_s: f64,
     /// Length of the path driven, metres.
     pub path_m: f64,
+    /// Length of the shortest way that keeps the rules, metres; absent when it is not known.
+    pub best_path_m: Option<f64>,
+    /// Time over the least time for that way; absent when it is not known or the goal was not reached.
+    pub time_ratio: Option<f64>,
+    /// How long rules were in force whose object was not found, seconds.
+    pub ungrounded_s: f64,
+    /// Time until rules that were broken when they were given were kept, seconds.
+    pub recovery_s: f64,
     /// When every rule's object was found, seconds; absent when never, or when no rule needs one.
     pub grounded_after_s: Option<f64>,
     /// 99th percentile of a tick of the filter, microseconds of the machine that played the trial.
@@ -98,6 +109,7 @@ pub fn judged(task: &Task<'_>, case_name: &str) -> anyhow::Result<(Line, Run)> {
         method: condition.method,
         planner: condition.planner,
         sensing: condition.sensing,
+        event: condition.event,
         seed: condition.seed,
         outcome,
         reached: run.reached,
@@ -108,6 +120,10 @@ pub fn judged(task: &Task<'_>, case_name: &str) -> anyhow::Result<(Line, Run)> {
         least_clearance_m: rounded(run.least_clearance_m),
         time_s: rounded(run.time_s),
         path_m: rounded(run.path_m),
+        best_path_m: task.best.map(|best| rounded(best.length_m)),
+        time_ratio: task.best.filter(|_| run.reached).map(|best| rounded(run.time_s / best.time_s.max(0.1))),
+        ungrounded_s: rounded(run.ungrounded_s),
+        recovery_s: rounded(run.findings.recovery_s),
         grounded_after_s: run.grounded_after_s.map(rounded),
         filter_us_p99: run.filter_us_p99,
         jerk_m_s3: rounded(run.jerk_m_s3),
@@ -149,7 +165,12 @@ fn why(run: &Run, outcome: Outcome) -> String {
     if outcome != Outcome::Success {
         clauses.extend(run.remarks.iter().take(6).cloned());
     } else {
-        clauses.extend(run.remarks.iter().filter(|remark| remark.starts_with("the words")).cloned());
+        clauses.extend(run.remarks.iter().filter(|remark| is_worth_saying(remark)).cloned());
     }
     clauses.join("; ")
+}
+
+/// What belongs to a success, too: that the words were not taken, or that something did or did not happen.
+fn is_worth_saying(remark: &str) -> bool {
+    ["the words", "a box", "there was no occasion"].iter().any(|start| remark.starts_with(start))
 }

@@ -10,101 +10,18 @@ use heedway_navigator::config::Planner as PlannerSetting;
 use heedway_perception::{localisation, semantics};
 use heedway_simulator::SimulatorSettings;
 use heedway_simulator::config::{ModelSettings, NoiseSettings};
-use serde::{Deserialize, Serialize};
 use service::Settings;
 use toml::Table;
+
+use crate::condition::{Condition, Masks, Method, Planner, Sensing};
 
 /// How far the start may lie from where the scene says, metres: "randomised" as the paper has it, and little
 /// enough that the nominal way stays the nominal way.
 const START_JITTER_M: f64 = 0.15;
-
-/// Who keeps the rules, and how.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-#[clap(rename_all = "snake_case")]
-pub enum Method {
-    /// Ours: leaves the nominal command alone until the last moment.
-    LeastRestrictive,
-    /// Ours: steers away early and gently.
-    SmoothBlending,
-    /// Obstacles only: nobody tells the robot the words.
-    SafeGeom,
-    /// Boxes of an open-vocabulary detector, projected to the floor; exclusions only.
-    SafeLang,
-    /// The paper's least-restrictive filter as printed.
-    PaperLiteral,
-}
-
-impl Method {
-    /// Every method, in the order of reports.
-    pub const ALL: [Method; 5] = [
-        Method::LeastRestrictive,
-        Method::SmoothBlending,
-        Method::SafeGeom,
-        Method::SafeLang,
-        Method::PaperLiteral,
-    ];
-
-    /// As on the command line.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Method::LeastRestrictive => "least_restrictive",
-            Method::SmoothBlending => "smooth_blending",
-            Method::SafeGeom => "safe_geom",
-            Method::SafeLang => "safe_lang",
-            Method::PaperLiteral => "paper_literal",
-        }
-    }
-}
-
-/// What the nominal planner sees.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Planner {
-    /// Obstacles only: the filter alone keeps the rules.
-    Base,
-    /// Obstacles, and the regions that rules keep the robot out of.
-    Rules,
-}
-
-/// How well the robot senses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Sensing {
-    /// Nothing errs, as in the paper.
-    Perfect,
-    /// Depth scatters and drops out, ranges scatter, masks are missed, wrong, or fall apart.
-    Noisy,
-}
-
-/// Where masks come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Masks {
-    /// The models, with their errors.
-    Models,
-    /// The ground truth: the pixels of the objects that the case means.
-    Truth,
-}
-
-/// Everything that a trial differs by, but the scene and the words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Condition {
-    /// Who keeps the rules.
-    pub method: Method,
-    /// What the planner sees.
-    pub planner: Planner,
-    /// How well the robot senses.
-    pub sensing: Sensing,
-    /// Where masks come from.
-    pub masks: Masks,
-    /// Whether the nominal command goes to the motors as it is.
-    pub filter_off: bool,
-    /// Seed of everything that is drawn.
-    pub seed: u64,
-    /// Each side of the camera's images is divided by this.
-    pub camera_divisor: u32,
-}
+/// What a pose from matched scans is taken to err by at most, metres …
+const POSE_ERROR_M: f64 = 0.03;
+/// … and radians.
+const POSE_ERROR_RAD: f64 = 0.01;
 
 /// The settings of every part.
 #[derive(Clone, Debug)]
@@ -143,12 +60,7 @@ impl Setup {
         setup.simulator.seed = condition.seed;
         setup.simulator.start_jitter_m = START_JITTER_M;
         setup.simulator.camera.n_threads = 1;
-        if condition.sensing == Sensing::Noisy {
-            setup.simulator.noise = noise();
-            if condition.masks == Masks::Models {
-                setup.simulator.models = mask_errors();
-            }
-        }
+        setup.sense(condition);
         setup.filter.seed = condition.seed;
         setup.filter.method = match condition.method {
             Method::LeastRestrictive => MethodName::LeastRestrictive,
@@ -164,6 +76,31 @@ impl Setup {
             (setup.semantics.obstacle_stride_px / condition.camera_divisor as usize).max(1);
         setup.check()?;
         Ok(setup)
+    }
+
+    /// Makes the sensors and the models err as the condition says.
+    fn sense(&mut self, condition: &Condition) {
+        let (noise, models) = match condition.sensing {
+            Sensing::Perfect => (NoiseSettings::default(), ModelSettings::default()),
+            Sensing::Noisy => (noise(), mask_errors()),
+            Sensing::MissedMasks => {
+                (NoiseSettings::default(), ModelSettings { missed: 0.33, ..ModelSettings::default() })
+            }
+            Sensing::WrongMasks => {
+                (NoiseSettings::default(), ModelSettings { wrong: 0.1, ..ModelSettings::default() })
+            }
+            Sensing::Drift => (drifting(), mask_errors()),
+        };
+        self.simulator.noise = noise;
+        if condition.masks == Masks::Models {
+            self.simulator.models = models;
+        }
+        if condition.sensing == Sensing::Drift {
+            self.localisation.pose = localisation::config::PoseBy::Slam;
+            // What a matched pose errs by; wheels alone err less over a scan's time.
+            self.filter.disturbance.position_m = POSE_ERROR_M;
+            self.filter.disturbance.yaw_rad = POSE_ERROR_RAD;
+        }
     }
 
     fn check(&self) -> anyhow::Result<()> {
@@ -202,15 +139,20 @@ pub fn profile(camera_divisor: u32) -> anyhow::Result<Profile> {
     profile.checked().context("profile")
 }
 
-/// A RealSense D435's scatter at close range is about 2 mm at 1 m (datasheet: under 2 % at 2 m); dropout and
-/// range error as of common indoor sensors.
+/// A RealSense D435's scatter at close range is about 2 mm at 1 m (datasheet: under 2 % at 2 m), growing with the
+/// square of the distance; one pixel in ten is missing; range error as of common indoor scanners.
 fn noise() -> NoiseSettings {
-    NoiseSettings { depth_m_at_1_m: 0.003, depth_dropout: 0.05, range_m: 0.01, ..NoiseSettings::default() }
+    NoiseSettings { depth_m_at_1_m: 0.003, depth_dropout: 0.1, range_m: 0.01, ..NoiseSettings::default() }
 }
 
-/// Chosen: one object in twenty is missed in a frame, one map in fifty shows another object too.
+/// The same, and wheels that measure ways 2 % too long and turn one degree a metre that is not made.
+fn drifting() -> NoiseSettings {
+    NoiseSettings { odometry_scale: 0.02, odometry_yaw_rad_per_m: 0.0175, ..noise() }
+}
+
+/// Chosen: one object in ten is missed in a frame, one map in fifty shows another object too.
 fn mask_errors() -> ModelSettings {
-    ModelSettings { missed: 0.05, wrong: 0.02, split: 0.1, delay_s: 0.0 }
+    ModelSettings { missed: 0.1, wrong: 0.02, split: 0.1, delay_s: 0.0 }
 }
 
 fn section<S: Settings>(file: &str) -> anyhow::Result<S> {

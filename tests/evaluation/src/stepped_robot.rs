@@ -79,6 +79,24 @@ impl SteppedRobot {
         self.plant.command(now, command);
     }
 
+    /// Puts the robot, as it stands and moves, into another world.
+    ///
+    /// # Errors
+    /// When no thread can be had for the camera.
+    pub fn move_to(
+        &mut self,
+        world: &World,
+        profile: &Profile,
+        settings: &SimulatorSettings,
+        kept: Arc<KeptFrames>,
+    ) -> anyhow::Result<()> {
+        self.truth = Arc::clone(&world.truth);
+        self.plant.look_anew();
+        self.lidar = Lidar::new(world, profile, settings);
+        self.camera = Camera::new(world, profile, settings, kept)?;
+        Ok(())
+    }
+
     fn advance(&mut self, now: Time) {
         let truth = &self.truth;
         self.plant.advance(now, &|point| truth.obstacle_distance_m(point));

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::condition::{Method, Planner, Sensing};
 use crate::outcome::{Line, Outcome};
-use crate::setup::{Method, Planner, Sensing};
 
 /// One row a trial.
 #[must_use]

@@ -20,6 +20,7 @@ use heedway_perception::semantics::object_maps::ObjectMaps;
 use heedway_perception::{localisation, semantics};
 use heedway_simulator::beat::Beat;
 use heedway_simulator::kept_frames::KeptFrames;
+use heedway_simulator::scene::Scene;
 use heedway_simulator::simulated_robot::World;
 use proto::{
     BaseFault, BaseMap, FilterStatus, Header, InstructionReply, NavigatorStatus, ObjectMap, Odometry,
@@ -27,8 +28,9 @@ use proto::{
 use robot::Keeper;
 use service::Clock;
 
+use crate::condition::{Condition, Method};
 use crate::model_host::{ModelHost, Role};
-use crate::setup::{Condition, Method, Setup};
+use crate::setup::Setup;
 use crate::stepped_robot::SteppedRobot;
 pub use routes::Message;
 
@@ -41,6 +43,7 @@ const WALL_NS: u64 = 1_700_000_000_000_000_000;
 pub struct System {
     setup: Setup,
     condition: Condition,
+    kept: Arc<KeptFrames>,
     /// Measures how long a tick of the filter takes; nothing else.
     clock: Clock,
     now: Time,
@@ -125,7 +128,8 @@ impl System {
             localisation: localisation::Decider::new(setup.localisation.clone(), profile),
             semantics: semantics::Decider::new(setup.semantics.clone()),
             maps: ObjectMaps::new(setup.semantics.maps(profile), profile)?,
-            models: ModelHost::new(role, &world.scene, errors, seed, kept),
+            models: ModelHost::new(role, &world.scene, errors, seed, Arc::clone(&kept)),
+            kept,
             filter: FilterDecider::new(&setup.filter, profile)?,
             navigator: NavigatorDecider::new(&setup.navigator, profile),
             beats: Beats {
@@ -162,6 +166,17 @@ impl System {
     pub fn put(&mut self, message: Message) {
         self.queue.push_back(message);
         self.pump();
+    }
+
+    /// From now on the world is another one: this scene's, of which nothing may have gone that was there.
+    ///
+    /// # Errors
+    /// When its surfaces cannot be rendered.
+    pub fn appear(&mut self, scene: Scene) -> anyhow::Result<World> {
+        let (profile, simulator) = (&self.setup.profile, &self.setup.simulator);
+        let world = World::new(scene, profile, simulator)?;
+        self.robot.move_to(&world, profile, simulator, Arc::clone(&self.kept))?;
+        Ok(world)
     }
 
     /// One turn of the loop that drives the base, and all that happens meanwhile.

@@ -1,15 +1,19 @@
 //! One run: get ready, say the words, give the goal, watch until it ends.
 
-use geometry::{Point2, Pose2};
+mod drive;
+
+use geometry::Point2;
 use heedway_simulator::scene::{Case, Hull, Scene};
 use heedway_simulator::simulated_robot::World;
-use proto::{BaseMap, CellSet, Goal, Instruction};
-use rules::Outcome;
-
-use crate::judge::{Findings, Judge, Moment};
+use proto::{BaseMap, CellSet, Goal};
+use crate::condition::{Condition, Masks, Method};
+use crate::check::Best;
+use crate::course::Course;
+use crate::judge::Findings;
 use crate::model_host::{ModelHost, Role};
-use crate::setup::{Condition, Masks, Method, Setup};
-use crate::system::{Message, System, TURN};
+use crate::setup::Setup;
+use crate::system::{Message, System};
+use drive::Drive;
 
 /// Longest time until the robot could move, seconds.
 const READY_S_MAX: f64 = 10.0;
@@ -17,12 +21,6 @@ const READY_S_MAX: f64 = 10.0;
 pub const RUN_S_MAX: f64 = 35.0;
 /// How near the goal the navigator has to come, metres: that of the demonstration.
 const GOAL_TOLERANCE_M: f64 = 0.25;
-/// How near the goal counts as there, metres.
-const REACHED_M: f64 = GOAL_TOLERANCE_M + 0.05;
-/// Slower than this is at rest, m/s and rad/s.
-const REST: f64 = 0.02;
-/// A point of the path is kept at every so many-th turn.
-const N_TURNS_A_POINT: u64 = 5;
 
 /// What a trial is about.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +33,8 @@ pub struct Task<'a> {
     pub case: Option<&'a Case>,
     /// How.
     pub condition: Condition,
+    /// The best that could be done, when it is known.
+    pub best: Option<Best>,
 }
 
 /// One point of the path that was really driven.
@@ -67,6 +67,8 @@ pub struct Run {
     pub path_m: f64,
     /// When all rules that need an object had one; `None` when they never had.
     pub grounded_after_s: Option<f64>,
+    /// How long rules were in force whose object was not found, seconds.
+    pub ungrounded_s: f64,
     /// 99th percentile of the time that a tick of the filter took, microseconds of this machine.
     pub filter_us_p99: u64,
     /// Mean of the absolute change of acceleration, m/s³.
@@ -105,13 +107,10 @@ pub fn play(task: &Task<'_>) -> anyhow::Result<Run> {
         finish(&system, &mut run);
         return Ok(run);
     }
-    if let Some(words) = task.say.filter(|_| system.listens()) {
-        system.put(Message::Instruction(Instruction::plain(words)));
-        let reply = system.told.replies.last().map(|told| &told.reply);
-        if reply.is_none_or(|reply| reply.outcome != Outcome::Accept) {
-            let said = reply.map_or("nothing", |reply| reply.say.as_str());
-            run.remarks.push(format!("the words were not taken as a rule; the reply is: {said}"));
-        }
+    let course = Course::new(task.condition.event);
+    let mut drive = Drive::new(task, hull, course);
+    if course.begins_with_words() {
+        drive.say(&mut system, &mut run);
     }
     let goal = task.scene.goal_map;
     let tolerance_m = GOAL_TOLERANCE_M;
@@ -122,7 +121,7 @@ pub fn play(task: &Task<'_>) -> anyhow::Result<Run> {
         tolerance_m,
         cancel: false,
     }));
-    drive(task, &world, hull, &mut system, &mut run);
+    drive.until_the_end(&world, &mut system, &mut run)?;
     finish(&system, &mut run);
     Ok(run)
 }
@@ -140,83 +139,6 @@ fn get_ready(system: &mut System) -> Result<(), String> {
         }
     }
     Err(format!("not ready within {READY_S_MAX} s: {}", waits_for(system)))
-}
-
-/// Until the goal, a collision, or the end of time.
-fn drive(task: &Task<'_>, world: &World, hull: Hull, system: &mut System, run: &mut Run) {
-    let begun = system.now();
-    let (mut last, _, _) = system.truth();
-    let mut judge = Judge::new(task.case, task.scene, last);
-    let elapsed_s = TURN.as_secs_f64();
-    let (mut speed_m_s, mut accel_m_s2, mut jerk_sum) = (0.0_f64, 0.0_f64, 0.0_f64);
-    let mut n_turns = 0_u64;
-    loop {
-        let (map_from_base, twist, n_collisions) = system.truth();
-        let time_s = system.now().since(begun).as_secs_f64();
-        let centre_map = map_from_base.position();
-        run.least_clearance_m = run.least_clearance_m.min(world.truth.clearance_m(centre_map));
-        judge.see(&Moment {
-            time_s,
-            elapsed_s,
-            map_from_base,
-            twist,
-            gaps: &world.truth.objects(centre_map),
-            radius_m: hull.radius_m,
-        });
-        run.path_m += way_m(last, map_from_base);
-        last = map_from_base;
-        let accel = (twist.speed_m_s - speed_m_s) / elapsed_s;
-        jerk_sum += (accel - accel_m_s2).abs();
-        (speed_m_s, accel_m_s2) = (twist.speed_m_s, accel);
-        if n_turns.is_multiple_of(N_TURNS_A_POINT) {
-            let filter = in_words(system);
-            run.path.push(PathPoint { time_s, position_map: centre_map, speed_m_s: twist.speed_m_s, filter });
-        }
-        if run.grounded_after_s.is_none() && is_grounded(system) {
-            run.grounded_after_s = Some(time_s);
-        }
-        run.time_s = time_s;
-        run.n_collisions = n_collisions;
-        let is_there = (task.scene.goal_map - centre_map).norm() <= REACHED_M;
-        run.reached = is_there && twist.speed_m_s.abs() < REST && twist.yaw_rate_rad_s.abs() < REST;
-        if run.reached || n_collisions > 0 || time_s >= RUN_S_MAX {
-            break;
-        }
-        n_turns += 1;
-        system.turn();
-    }
-    run.findings = judge.findings().clone();
-    run.jerk_m_s3 = if run.time_s > 0.0 { jerk_sum / run.time_s } else { 0.0 };
-}
-
-/// What was wanted and what was sent, and why.
-fn in_words(system: &System) -> String {
-    let Some(status) = &system.told.filter else { return String::new() };
-    let wanted = status.nominal.map_or_else(String::new, |twist| {
-        format!("wanted {:.2} m/s {:.2} rad/s, ", twist.speed_m_s, twist.yaw_rate_rad_s)
-    });
-    let v_m = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.3}"));
-    format!(
-        "{wanted}sent {:.2} m/s {:.2} rad/s; V {} of {}; {}: {}",
-        status.sent.speed_m_s,
-        status.sent.yaw_rate_rad_s,
-        v_m(status.v_sent_m),
-        v_m(status.v_safe_m),
-        status.action,
-        status.words
-    )
-}
-
-fn way_m(from: Pose2, to: Pose2) -> f64 {
-    (to.position() - from.position()).norm()
-}
-
-/// Whether every rule in force that needs an object has one.
-fn is_grounded(system: &System) -> bool {
-    let status = system.told.filter.as_ref();
-    status.is_some_and(|status| {
-        !status.rules.is_empty() && status.rules.iter().all(|rule| rule.grounding.is_usable())
-    })
 }
 
 fn finish(system: &System, run: &mut Run) {

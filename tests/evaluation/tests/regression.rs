@@ -5,9 +5,10 @@
 use std::path::Path;
 
 use evaluation::check::Survey;
+use evaluation::condition::{Condition, Event, Masks, Method, Planner, Sensing};
 use evaluation::generate::{self, Sort};
 use evaluation::outcome::{Line, Outcome, judged};
-use evaluation::setup::{Condition, Masks, Method, Planner, Sensing, profile};
+use evaluation::setup::profile;
 use evaluation::trial::Task;
 use heedway_simulator::scene::{Hull, Scene};
 
@@ -22,6 +23,7 @@ fn condition(method: Method, planner: Planner, seed: u64) -> Condition {
         method,
         planner,
         sensing: Sensing::Perfect,
+        event: Event::None,
         masks: Masks::Models,
         filter_off: false,
         seed,
@@ -31,7 +33,7 @@ fn condition(method: Method, planner: Planner, seed: u64) -> Condition {
 
 fn played(scene: &Scene, case_idx: usize, condition: Condition) -> Line {
     let case = &scene.cases[case_idx];
-    let task = Task { scene, say: Some(&case.say), case: Some(case), condition };
+    let task = Task { scene, say: Some(&case.say), case: Some(case), condition, best: None };
     judged(&task, &format!("{case_idx}:{}", case.kind)).unwrap().0
 }
 

@@ -12,7 +12,7 @@ use super::*;
 use crate::config::Disturbance;
 use crate::dynamics::{Control, Limits, State};
 use crate::margin::{BaseLayer, Demand, RuleLayer, World};
-use crate::scene::Assumptions;
+use crate::scene::{Assumptions, LIMIT_TOLERANCE};
 
 const EXACT: Disturbance = Disturbance { position_m: 0.0, yaw_rad: 0.0, speed_m_s: 0.0, delay_s: 0.0 };
 /// Fields are in f32.
@@ -115,6 +115,34 @@ fn a_plan_that_keeps_nothing_is_not_certified() {
     let verdict = |x_m: f64| certify(&scene(&walled(x_m), start, EXACT), &roll(start, &[]));
     assert!(verdict(just_m + 2.0 * ROUNDING_M).is_ok());
     assert!(matches!(verdict(just_m - 2.0 * ROUNDING_M), Err(Breach::Near(Source::Base(0), _))));
+}
+
+#[test]
+fn a_margin_of_exactly_zero_is_not_kept() {
+    let layout = Layout::new(Point2::new(-1.0, -1.0), 0.05, Shape { n_cols: 40, n_rows: 40 }).unwrap();
+    let at_rest = |distance_m: f32| {
+        let field = Arc::new(DistanceField::from_values(layout, vec![distance_m; 1600]).unwrap());
+        let world = World { base: vec![BaseLayer { name: "all round".into(), field }], ..World::default() };
+        let start = at_speed(0.0);
+        certify(&scene(&world, start, EXACT), &roll(start, &[]))
+    };
+    assert_eq!(at_rest(0.25), Err(Breach::Near(Source::Base(0), 0.0)));
+    assert_eq!(at_rest(0.5), Ok((0.25, Some(Source::Base(0)))));
+}
+
+#[test]
+fn what_a_plan_comes_too_near_to_is_named_and_a_plan_that_ends_moving_names_nothing() {
+    let start = at_speed(1.0);
+    let world = walled(0.3);
+    let breach = certify(&scene(&world, start, EXACT), &roll(start, &[])).unwrap_err();
+    assert_eq!(breach.source(), Some(Source::Base(0)));
+    let world = limited(None, Some(0.2), Some(0.2));
+    let source_of = |controls: &[Control], start| {
+        certify(&scene(&world, start, EXACT), &roll(start, controls)).unwrap_err().source()
+    };
+    assert_eq!(source_of(&hold(0.0, 3.0, 4), at_speed(0.0)), Some(Source::Rule(0)));
+    assert_eq!(source_of(&hold(1.0, 0.0, 4), at_speed(0.0)), Some(Source::Rule(0)));
+    assert_eq!(Breach::Moving.source(), None);
 }
 
 #[test]
@@ -284,6 +312,18 @@ fn only_the_measured_speed_is_forgiven_its_error() {
 }
 
 #[test]
+fn too_fast_for_a_limit_is_who_is_beyond_it_by_more_than_the_error_of_measurement() {
+    let noisy = Disturbance { speed_m_s: 0.05, ..EXACT };
+    let world = limited(None, Some(0.4), None);
+    // The tolerance of a limit is 0.01.
+    let brakes_from = |speed_m_s| scene(&world, at_speed(speed_m_s), noisy).limits[0].braking_from_m_s;
+    assert_eq!(brakes_from(0.455), None);
+    assert_eq!(brakes_from(0.465), Some(0.465));
+    let at_the_limit = scene(&world, at_speed(0.4 + LIMIT_TOLERANCE), EXACT);
+    assert_eq!(at_the_limit.limits[0].braking_from_m_s, None);
+}
+
+#[test]
 fn who_is_too_fast_when_told_may_brake_fully_and_no_less() {
     let world = limited(None, Some(0.3), None);
     let start = at_speed(1.0);
@@ -312,6 +352,18 @@ fn an_obstacle_that_may_move_comes_nearer_while_the_robot_moves() {
     let (kept_m, _) =
         certify(&Scene::of(&mapped, start, assumptions, &|_| false), &roll(start, &[])).unwrap();
     assert!((kept_m - (0.9 - 0.25 - BRAKING_M)).abs() < 1e-4);
+}
+
+#[test]
+fn what_may_have_come_nearer_is_counted_from_now_and_not_from_the_plans_beginning() {
+    let world = World { points: vec![Point2::new(1.0, 0.0)], ..World::default() };
+    let mut plan = roll(at_speed(1.0), &[]);
+    plan.advance(0.1);
+    let kept = |closing_speed_m_s: f64| {
+        let assumptions = Assumptions { closing_speed_m_s, ..assumptions(EXACT) };
+        certify(&Scene::of(&world, plan.state_now(), assumptions, &|_| false), &plan).unwrap().0
+    };
+    assert!((kept(0.0) - kept(0.2) - 0.2 * (BRAKING_S - 0.1)).abs() < 1e-9);
 }
 
 proptest! {

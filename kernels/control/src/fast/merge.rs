@@ -7,7 +7,7 @@
 //! there are. Done when maps change, not at every tick.
 
 use super::isa::{Isa, Work};
-use super::packed::{AXIS_MAX, BASE_MAX, DIAGONAL_MAX, packed};
+use super::packed::{AXIS_MAX, BASE_MAX, DIAGONAL_MAX, packed, unpacked};
 
 /// One layer of a merge: values at the lattice's points, row-major, and what is subtracted from them.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +43,8 @@ pub(crate) struct Merged {
     /// Where each ridge's layers begin in `ridge_layers`; one more than there are ridges.
     ridge_starts: Vec<u32>,
     ridge_layers: Vec<u16>,
+    /// The words of those layers in the ridge's cell.
+    ridge_words: Vec<u32>,
 }
 
 impl Merged {
@@ -68,10 +70,11 @@ impl Merged {
         });
         let mut merged = Merged { n_cols, n_rows, owners, ridge_starts: vec![0], ..Merged::default() };
         let mut steepest = isa.run(Steepest { n_cols, least_m: &least_m });
-        let mut marked = Vec::new();
+        let (mut marked, mut ridge_cells) = (Vec::new(), Vec::new());
         if layers.len() > 1 {
+            let mut found = Ridges { steepest: &mut steepest, marked: &mut marked, cells: &mut ridge_cells };
             for row in 0..n_rows - 1 {
-                merged.find_ridges(row, layers, &row_least_m, &least_m, &mut steepest, &mut marked);
+                merged.find_ridges(row, layers, &row_least_m, &least_m, &mut found);
             }
         }
         let [x_m, y_m, diagonal_m, deepest_m] = steepest;
@@ -88,12 +91,20 @@ impl Merged {
                 write(row * n_cols + col, *word);
             }
         }
+        let word_of = |margins_m: [f32; 4], is_ridge: bool| {
+            packed(margins_m.map(|m| ((m - SLACK_M) / merged.quantum_m).floor() as i32), is_ridge)
+        };
         for cell_idx in marked {
-            let least_m = corners(&least_m, n_cols, cell_idx);
-            let quanta = least_m.map(|m| ((m - SLACK_M) / merged.quantum_m).floor() as i32);
-            write(cell_idx, packed(quanta, true));
+            write(cell_idx, word_of(corners(&least_m, n_cols, cell_idx), true));
         }
-        merged
+        let mut ridge_words = Vec::with_capacity(merged.ridge_layers.len());
+        for (ridge, cell_idx) in ridge_cells.into_iter().enumerate() {
+            let (from, to) = (merged.ridge_starts[ridge] as usize, merged.ridge_starts[ridge + 1] as usize);
+            ridge_words.extend(merged.ridge_layers[from..to].iter().map(|layer| {
+                word_of(first_corners_of(layers[usize::from(*layer)], n_cols, cell_idx), false)
+            }));
+        }
+        Merged { ridge_words, ..merged }
     }
 
     /// No layers: what asks must not look cells up.
@@ -108,8 +119,7 @@ impl Merged {
         layers: &[MergeLayer<'_>],
         row_least_m: &[f32],
         least_m: &[f32],
-        steepest: &mut [f32; 4],
-        marked: &mut Vec<usize>,
+        found: &mut Ridges<'_>,
     ) {
         let n_cols = self.n_cols;
         let row_start = row * n_cols;
@@ -137,20 +147,21 @@ impl Merged {
             let least = corners(least_m, n_cols, cell_idx);
             let mut gap_m = widest(&first, &least);
             self.ridge_layers.push(owner as u16);
-            note_slope(&first, steepest);
+            note_slope(&first, found.steepest);
             for idx in &matter {
                 let here = first_corners_of(layers[*idx], n_cols, cell_idx);
                 if *idx == owner || (0..4).all(|k| here[k] >= first[k]) {
                     continue;
                 }
                 gap_m = gap_m.min(widest(&here, &least));
-                note_slope(&here, steepest);
+                note_slope(&here, found.steepest);
                 self.ridge_layers.push(*idx as u16);
             }
             self.owners[cell_idx] = RIDGE_OWNER | (self.ridge_starts.len() - 1) as u32;
             self.ridge_starts.push(self.ridge_layers.len() as u32);
+            found.cells.push(cell_idx);
             if gap_m > GAP_M {
-                marked.push(cell_idx);
+                found.marked.push(cell_idx);
             }
         }
     }
@@ -159,6 +170,16 @@ impl Merged {
     /// range: a margin above it is known to be above it, and no more.
     pub(crate) fn error_m(&self) -> f32 {
         self.quantum_m + GAP_M + 2.0 * SLACK_M
+    }
+
+    /// The margin in a cell of a ridge, metres, to a quantum below the true one.
+    pub(crate) fn ridge_m(&self, cell_idx: usize, (x, y): (f32, f32)) -> f32 {
+        let Some(ridge) = self.owners.get(cell_idx).map(|owner| (owner & !RIDGE_OWNER) as usize) else {
+            return f32::NEG_INFINITY;
+        };
+        let (from, to) = (self.ridge_starts[ridge] as usize, self.ridge_starts[ridge + 1] as usize);
+        let quanta = self.ridge_words[from..to].iter().map(|word| unpacked::<false>(*word, x, y));
+        self.quantum_m * quanta.fold(f32::INFINITY, f32::min)
     }
 
     /// The layers that can be smallest in a cell.
@@ -195,6 +216,13 @@ impl Merged {
         }
         least
     }
+}
+
+/// What is found along with the ridges: slopes, the cells to mark, the cells of all.
+struct Ridges<'a> {
+    steepest: &'a mut [f32; 4],
+    marked: &'a mut Vec<usize>,
+    cells: &'a mut Vec<usize>,
 }
 
 #[inline(always)]

@@ -226,7 +226,7 @@ impl Filter {
     pub(super) fn noise_for_this_tick(&mut self) {
         let Search { n_samples, n_rounds, n_steps, .. } = self.search;
         // The paper's own filter samples at least one round.
-        self.noise.begin(self.config.seed, self.tick, n_samples * n_rounds.max(1), n_steps);
+        self.noise.begin(self.config.seed, self.tick, (n_rounds.max(1), n_samples), n_steps);
     }
 
     /// The last solution and the rest of the last plan, as sequences from now.

@@ -144,7 +144,7 @@ fn the_score_is_the_oracles_and_never_falls_over_the_rounds() {
         let warm = any_controls(&mut case, 8);
         let scene = Scene::of(&case.world, case.start, case.assumptions, &|_| false);
         let (mut noise, mut last) = (Noise::default(), None);
-        noise.begin(seed, 1, 12 * 4, 12);
+        noise.begin(seed, 1, (4, 12), 12);
         noise.draw(usize::MAX / 1024);
         for n_rounds in 0..=4 {
             let parameters = Search { n_rounds, ..search_of(&case.config) };
@@ -181,7 +181,7 @@ fn both_filters_send_what_the_oracle_sends() {
             let wanted =
                 case.assumptions.limits.control_towards(case.start.speed_m_s, nominal, config.step_s);
             let mut noise = Noise::default();
-            noise.begin(config.seed, 1, config.n_samples * config.n_rounds, config.n_steps);
+            noise.begin(config.seed, 1, (config.n_rounds, config.n_samples), config.n_steps);
             noise.draw(usize::MAX / 1024);
             let scene = Scene::of(&case.world, case.start, case.assumptions, &|_| false);
             if scene.spatial.iter().any(|layer| layer.start_m <= config.disturbance.position_m) {

@@ -1,16 +1,18 @@
 //! The fields of a standard problem, merged and packed: what must be kept clear of, and the slow zone.
 
+use super::oracle::Pose;
 use super::{BUFFER_M, CELL_M, RADIUS_M, SLOW_BUFFER_M, SLOW_LAYER, SLOW_SPEED_M_S, Scene};
 use crate::fast::Isa;
 use crate::fast::merge::{MergeLayer, Merged};
 use crate::fast::packed::packed;
+use crate::fast::sweep::{Ground, paired};
 
-/// The merged fields; each cell's two words lie side by side, so that one load brings both.
+/// The merged fields; each cell's two words are one, so that one load brings both.
 #[derive(Debug)]
 pub(crate) struct Field<'s> {
     pub n_side: usize,
-    /// For each cell the margin to what must be kept clear of, and to the slow zone.
-    pub words: Vec<[u32; 2]>,
+    /// For each cell the margin to what must be kept clear of, and to the slow zone; filled up to a power of two.
+    words: Vec<u64>,
     clear_layers: Vec<MergeLayer<'s>>,
     slow_layers: Vec<MergeLayer<'s>>,
     pub clear: Merged,
@@ -29,17 +31,37 @@ impl<'s> Field<'s> {
                 _ => clear_layers.push(MergeLayer { values_m, keep_m: BUFFER_M as f32 }),
             }
         }
-        let mut words = vec![[0, 0]; n_side * n_side];
-        let clear = Merged::of(isa, (n_side, n_side), &clear_layers, |idx, word| words[idx][0] = word);
+        let mut words = vec![0; (n_side * n_side).next_power_of_two()];
+        let clear =
+            Merged::of(isa, (n_side, n_side), &clear_layers, |idx, word| words[idx] = paired(word, 0));
         let slow = if slow_layers.is_empty() {
             // Without a slow zone everywhere is far from it.
-            let far = packed([crate::fast::packed::BASE_MAX; 4], false);
-            words.iter_mut().for_each(|word| word[1] = far);
+            let far = paired(0, packed([crate::fast::packed::BASE_MAX; 4], false));
+            words.iter_mut().for_each(|word| *word |= far);
             Merged::nothing()
         } else {
-            Merged::of(isa, (n_side, n_side), &slow_layers, |idx, word| words[idx][1] = word)
+            Merged::of(isa, (n_side, n_side), &slow_layers, |idx, word| words[idx] |= paired(0, word))
         };
         Field { n_side, words, clear_layers, slow_layers, clear, slow }
+    }
+
+    /// The ground under a sweep from a start.
+    pub(crate) fn ground(&self, [x_m, y_m, ..]: Pose) -> (Ground<'_>, [f32; 2]) {
+        let last = (self.n_side - 2) as f64;
+        let (x, y) = (x_m / CELL_M, y_m / CELL_M);
+        let (col, row) = (x.floor().clamp(0.0, last), y.floor().clamp(0.0, last));
+        let high = self.n_side as f64 - 1.001;
+        let ground = Ground {
+            words: &self.words,
+            first: [col as i32, row as i32],
+            n_cols: self.n_side as i32,
+            low: [-col as f32, -row as f32],
+            high: [(high - col) as f32, (high - row) as f32],
+            slope_m: self.clear.slope_m.max(self.slow.slope_m),
+            quantum_m: [self.clear.quantum_m, self.slow.quantum_m],
+            ridges: Some(&self.clear),
+        };
+        (ground, [(x - col) as f32, (y - row) as f32])
     }
 
     /// The exact margin to what must be kept clear of, at a place in a cell, metres.

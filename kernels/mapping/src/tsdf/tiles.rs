@@ -5,14 +5,15 @@
 
 use nalgebra::Vector3;
 
-use super::update::Planes;
+use super::planes::Planes;
+use super::update::EDGE_BAND;
 use crate::projection::TrustedDepth;
 
 /// Side of a tile, pixels: at least and at most.
 const SIDE_MIN: usize = 2;
 const SIDE_MAX: usize = 8;
 /// A tile covers at most this many voxels at the far end of what is trusted.
-const SIDE_VOXELS: f64 = 1.5;
+const SIDE_VOXELS: f64 = 2.0;
 /// A pixel lies on its tile's plane when its depth is within this share of the plane's.
 const ON_PLANE: f32 = 0.015;
 
@@ -32,7 +33,7 @@ pub(super) struct Tile {
     /// Middle pixel.
     middle: [f32; 2],
     /// It is flat, and its depth to be trusted.
-    is_sure: bool,
+    pub(super) is_sure: bool,
 }
 
 /// The tiles of the part of an image that holds a mask.
@@ -40,7 +41,10 @@ pub(super) struct Tiles {
     shift: u32,
     first: [usize; 2],
     n_cols: usize,
+    n_rows: usize,
     tiles: Vec<Tile>,
+    /// Of each tile, the least cosine that voxels which look there reckon with; of none, at the end, NaN.
+    cosines: Vec<f32>,
 }
 
 /// What a tile's surface is reserved by: depth at its middle pixel.
@@ -74,6 +78,7 @@ impl Tiles {
         let end = [cols.end.div_ceil(side), rows.end.div_ceil(side)];
         let (n_cols, n_rows) = (end[0].saturating_sub(first[0]), end[1].saturating_sub(first[1]));
         let mut tiles = Vec::with_capacity(n_cols * n_rows);
+        let mut cosines = Vec::with_capacity(n_cols * n_rows + 1);
         for tile_row in 0..n_rows {
             for tile_col in 0..n_cols {
                 let low = [(first[0] + tile_col) << shift, (first[1] + tile_row) << shift];
@@ -93,25 +98,41 @@ impl Tiles {
                             && rows.contains(&row)
                             && let Some(depth_m) = trusted.at_in_mask(col, row)
                         {
+                            if tile.is_unknown() {
+                                tile = Tile { is_sure: false, ..planes.tile(col, row, depth_m) };
+                            }
                             seen(&Seen { col, row, depth_m });
                         }
                     }
                 }
+                cosines.push(if tile.is_sure { tile.cosine } else { 1.0 / EDGE_BAND });
                 tiles.push(tile);
             }
         }
-        Tiles { shift, first, n_cols, tiles }
+        cosines.push(f32::NAN);
+        Tiles { shift, first, n_cols, n_rows, tiles, cosines }
     }
 
-    /// The tile of a pixel within the mask's bounds.
+    /// Position of the tile of a pixel, which may be anything; of none without one.
+    #[inline(always)]
+    pub(super) fn position(&self, col: u32, row: u32) -> u32 {
+        let (n_cols, n_rows) = (self.n_cols as u32, self.n_rows as u32);
+        let col = col.wrapping_shr(self.shift).wrapping_sub(self.first[0] as u32);
+        let row = row.wrapping_shr(self.shift).wrapping_sub(self.first[1] as u32);
+        let is_inside = (col < n_cols) & (row < n_rows);
+        if is_inside { row.wrapping_mul(n_cols).wrapping_add(col) } else { n_cols.wrapping_mul(n_rows) }
+    }
+
+    /// The tile at a position.
     #[inline]
-    pub(super) fn at(&self, u: i32, v: i32) -> Option<&Tile> {
-        let col = (u as usize >> self.shift).wrapping_sub(self.first[0]);
-        let row = (v as usize >> self.shift).wrapping_sub(self.first[1]);
-        if col >= self.n_cols {
-            return None;
-        }
-        self.tiles.get(row.wrapping_mul(self.n_cols).wrapping_add(col))
+    pub(super) fn tile(&self, position: u32) -> Option<&Tile> {
+        self.tiles.get(position as usize)
+    }
+
+    /// The least cosine between ray and normal that a voxel which looks there reckons with; NaN without a tile.
+    #[inline(always)]
+    pub(super) fn cosine(&self, position: u32) -> f32 {
+        self.cosines.get(position as usize).copied().unwrap_or(f32::NAN)
     }
 }
 
@@ -148,11 +169,16 @@ impl Tile {
         Tile { normal, cosine, inverse, middle: [col as f32, row as f32], is_sure: true }
     }
 
+    /// Whether it has no plane; then nothing lies on it.
+    fn is_unknown(&self) -> bool {
+        self.inverse == [0.0; 3]
+    }
+
     /// Whether a pixel's depth lies on the plane.
     #[inline]
     pub(super) fn holds(&self, u: i32, v: i32, depth_m: f32) -> bool {
         let [here, by_col, by_row] = self.inverse;
         let inverse = here + by_col * (u as f32 - self.middle[0]) + by_row * (v as f32 - self.middle[1]);
-        self.is_sure && (depth_m * inverse - 1.0).abs() <= ON_PLANE
+        (depth_m * inverse - 1.0).abs() <= ON_PLANE
     }
 }

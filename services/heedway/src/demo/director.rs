@@ -219,15 +219,7 @@ mod tests {
     }
 
     fn reply(text: &str, outcome: Outcome) -> Heard {
-        let reply = Reply {
-            outcome,
-            specs: vec![],
-            revoked: vec![],
-            question: None,
-            options: vec![],
-            reason: None,
-            say: "Which rug?".into(),
-        };
+        let reply = Reply { say: "Which rug?".into(), ..Reply::of(outcome) };
         let reply = InstructionReply {
             id: "1".into(),
             speaker: String::new(),

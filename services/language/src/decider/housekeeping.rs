@@ -54,7 +54,7 @@ impl Decider {
         {
             let say =
                 format!("I heard no answer to \u{201c}{}\u{201d}, so nothing changed.", question.question);
-            let reply = Reply { outcome: Outcome::Clarify, question: None, say, ..clarify("", vec![]) };
+            let reply = Reply { say, ..Reply::of(Outcome::Clarify) };
             let work = Work {
                 id: question.id,
                 speaker: question.speaker,

@@ -14,13 +14,7 @@ use crate::audit::Event;
 /// "rug", "rug for 60" (a lifetime), "7 from rug" (too far), "left of table", "forget all", "forget s1",
 /// "keep 2 from rug" (a question with options), "that" (a question without).
 fn parse(active: &[Rule], _: &Profile, words: &str) -> Reply {
-    let accept = |rule: Rule| Reply {
-        outcome: Outcome::Accept,
-        specs: vec![rule],
-        say: "yes".into(),
-        question: None,
-        ..clarify("", vec![])
-    };
+    let accept = |rule: Rule| Reply { specs: vec![rule], say: "yes".into(), ..Reply::of(Outcome::Accept) };
     let words: Vec<&str> = words.split(' ').collect();
     match words.as_slice() {
         ["forget", "all"] => revocation(active.iter().map(|rule| rule.id.clone()).collect(), "gone".into()),

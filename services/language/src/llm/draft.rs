@@ -101,15 +101,7 @@ fn accept(draft: DraftReply, said: &Said, active: &[Rule], profile: &Profile, pa
     let mut lines: Vec<String> = vec![english::read_back_all(&specs)];
     lines.extend(specs.iter().filter_map(english::taken_defaults).map(|taken| format!("{taken}.")));
     let replaced = tighten::replaced(active, &specs);
-    let reply = Reply {
-        outcome: Outcome::Accept,
-        specs,
-        revoked: draft.revoked,
-        question: None,
-        options: vec![],
-        reason: None,
-        say: lines.join(" "),
-    };
+    let reply = Reply { specs, revoked: draft.revoked, say: lines.join(" "), ..Reply::of(Outcome::Accept) };
     let unjustified: Vec<&Rule> = active
         .iter()
         .filter(|rule| reply.revoked.contains(&rule.id) && !replaced.contains(&rule.id))

@@ -4,9 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use geometry::Time;
+use mapping::{Grid, Occupancy};
 use proto::{
-    DepthObstacles, Header, ObjectMap, Odometry, PoseEstimate, RgbdFrame, RuleSet, RulesHeld, Segment,
-    SemanticsBeat,
+    BaseMap, DepthObstacles, Header, ObjectMap, Odometry, PoseEstimate, RgbdFrame, RuleSet, RulesHeld,
+    Segment, SemanticsBeat,
 };
 use rules::Rule;
 
@@ -20,6 +21,7 @@ use super::object_maps::{Done, Job, Task, View, phrases_of};
 use super::places::Places;
 use super::questions::Questions;
 use super::report::Report;
+use crate::wire::base_grid;
 
 /// Regions of rules that are grounded are cut anew this often: twice a second is what is told.
 const REVIEW_PERIOD: Duration = Duration::from_millis(400);
@@ -36,6 +38,8 @@ pub enum Input {
     Odometry(Odometry),
     /// Where odometry lies in the map.
     Pose(PoseEstimate),
+    /// What the LiDAR knows of the floor.
+    BaseMap(BaseMap),
     /// What the camera sees.
     Frame(Box<RgbdFrame>),
     /// A frame that knows where it was taken, from a recording.
@@ -88,6 +92,8 @@ pub struct Decider {
     rules: Arc<[Rule]>,
     places: Arc<Places>,
     rules_version: Option<u64>,
+    /// The LiDAR's map, and its epoch.
+    base: Option<(u64, Arc<Grid<Occupancy>>)>,
     /// The newest frame that waits to be looked at for obstacles.
     to_look: Option<Arc<Frame>>,
     /// The newest frame that waits for the models.
@@ -123,6 +129,7 @@ impl Decider {
             rules: Arc::new([]),
             places: Arc::default(),
             rules_version: None,
+            base: None,
             to_look: None,
             to_ask: None,
             to_fuse: None,
@@ -148,6 +155,7 @@ impl Decider {
                 let change = self.door.pose(pose);
                 self.begin_anew(change);
             }
+            Input::BaseMap(map) => self.know_floor(&map),
             Input::Frame(frame) => self.door.frame(now, frame),
             Input::Placed(frame) => self.show(Arc::from(frame)),
             Input::Rules(rule_set) => self.take_over(rule_set, &mut outputs),
@@ -199,6 +207,11 @@ impl Decider {
         let ended = self.groundings.set_rules(&self.rules);
         outputs.extend(ended.into_iter().map(Output::RuleEnded));
         self.to_review = true;
+    }
+
+    /// A map that cannot be read is none: without it regions end at what was seen.
+    fn know_floor(&mut self, map: &BaseMap) {
+        self.base = base_grid(map).ok().map(|grid| (map.map_epoch, Arc::new(grid)));
     }
 
     /// Takes over the named places: what they name is not searched for any more.
@@ -284,7 +297,9 @@ impl Decider {
         self.working = Some(now);
         let rules_version = self.rules_version.unwrap_or(0);
         let (rules, places) = (Arc::clone(&self.rules), Arc::clone(&self.places));
-        outputs.push(Output::Work(Job { map_epoch, rules_version, rules, places, task }));
+        let base =
+            self.base.as_ref().filter(|(epoch, _)| *epoch == map_epoch).map(|(_, map)| Arc::clone(map));
+        outputs.push(Output::Work(Job { map_epoch, rules_version, rules, places, base, task }));
     }
 
     /// New rules first, then answers and looks in turn.

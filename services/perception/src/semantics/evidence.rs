@@ -5,10 +5,10 @@
 
 use geometry::Point2;
 use mapping::floor_area::{FloorArea, ObjectKind, object_kind};
-use mapping::occupancy::{HeightBand, OccupancyError, Relation, footprint_seen_from};
+use mapping::occupancy::{HeightBand, OccupancyError, Relation, footprint_seen_from, with_hidden};
 use mapping::projection::{DepthLimits, project};
 use mapping::tsdf::{Tsdf, TsdfConfigError};
-use mapping::{DepthFrame, Grid, ImageError, Mask};
+use mapping::{DepthFrame, Grid, ImageError, Mask, Occupancy};
 
 use super::models::Understood;
 use super::object_maps::MapConfig;
@@ -116,6 +116,9 @@ impl Evidence {
 
     /// The cells it covers, as its relation counts them.
     ///
+    /// With the LiDAR's `base`, ground behind a thing that nobody has seen to be free is its own, where it matters how
+    /// near it is; sides begin at what was seen of it.
+    ///
     /// # Errors
     /// [`OccupancyError`] when there is not (or no longer) enough to tell.
     pub fn footprint(
@@ -123,12 +126,19 @@ impl Evidence {
         relation: Relation,
         band: HeightBand,
         config: &MapConfig,
+        base: Option<&Grid<Occupancy>>,
     ) -> Result<Grid<bool>, OccupancyError> {
         if !self.is_flat() {
             let (sum, n_eyes) = self.eyes;
             let seen_from = (n_eyes > 0).then(|| Point2::from(sum / f64::from(n_eyes)));
             let points = self.tsdf.surface_points();
-            return footprint_seen_from(&points, relation, band, &config.closing, seen_from);
+            let seen = footprint_seen_from(&points, relation, band, &config.closing, seen_from)?;
+            return match (relation, base, seen_from) {
+                (Relation::Near | Relation::On, Some(base), Some(seen_from)) => {
+                    Ok(with_hidden(&seen, base, seen_from, config.closing.join_m)?)
+                }
+                _ => Ok(seen),
+            };
         }
         if relation == Relation::Beneath {
             // Nothing can be under what lies on the floor.

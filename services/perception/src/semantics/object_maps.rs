@@ -11,7 +11,7 @@ use mapping::floor_area::FloorConfig;
 use mapping::obstacle_layer::{ObstacleConfig, ObstacleLayer};
 use mapping::occupancy::{Closing, HeightBand};
 use mapping::tsdf::{Tsdf, TsdfConfig, TsdfConfigError};
-use mapping::{DepthFrame, DepthImage, Fusion, ImageError, Layout, Segments, fuse};
+use mapping::{DepthFrame, DepthImage, Fusion, Grid, ImageError, Layout, Occupancy, Segments, fuse};
 use nalgebra::Vector2;
 use proto::CellSet;
 use rules::Rule;
@@ -20,7 +20,7 @@ use super::evidence::Evidence;
 use super::frame::Frame;
 use super::models::{Answer, Understood};
 use super::places::Places;
-use super::regions::{Finding, phrases, region_of};
+use super::regions::{Finding, Known, phrases, region_of};
 use crate::wire::cell_set;
 
 /// How maps are made.
@@ -84,6 +84,8 @@ pub struct Job {
     pub rules: Arc<[Rule]>,
     /// The named places.
     pub places: Arc<Places>,
+    /// What the LiDAR knows of the floor, when anything of this epoch has come.
+    pub base: Option<Arc<Grid<Occupancy>>>,
     /// What is to be done.
     pub task: Task,
 }
@@ -228,13 +230,14 @@ impl ObjectMaps {
 
     fn review(&self, job: &Job) -> Vec<Finding> {
         let needing = job.rules.iter().filter(|rule| rule.needs_grounding());
+        let known = Known { places: job.places.in_map(job.map_epoch), base: job.base.as_deref() };
         needing
             .map(|rule| {
                 let seen: Vec<_> = phrases(rule).into_iter().map(|p| self.evidence.get(p)).collect();
                 Finding {
                     rule_id: rule.id.clone(),
                     stamp_ns: seen.iter().flatten().map(|e| e.newest_ns()).max().unwrap_or(0),
-                    region: region_of(rule, &seen, job.places.in_map(job.map_epoch), self.band, &self.config),
+                    region: region_of(rule, &seen, known, self.band, &self.config),
                 }
             })
             .collect()

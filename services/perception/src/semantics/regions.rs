@@ -4,7 +4,7 @@ use geometry::Point2;
 use mapping::morphology::groups;
 use mapping::occupancy::{HeightBand, OccupancyError, Relation};
 use mapping::region::region;
-use mapping::{Grid, GridError, Layout};
+use mapping::{Grid, GridError, Layout, Occupancy};
 use nalgebra::Vector2;
 use proto::CellSet;
 use rules::Rule;
@@ -33,6 +33,15 @@ pub enum Missing {
     NotSeen(String),
     /// It was seen, and still the region cannot be told. In words.
     CannotTell(String),
+}
+
+/// What is known beside what was seen of the phrases.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Known<'a> {
+    /// The named places of this map.
+    pub places: Option<&'a Places>,
+    /// What the LiDAR knows of the floor.
+    pub base: Option<&'a Grid<Occupancy>>,
 }
 
 /// What is known of one rule.
@@ -83,7 +92,7 @@ fn relation_of(rule: &Rule) -> Option<Relation> {
 pub fn region_of(
     rule: &Rule,
     seen: &[Option<&Evidence>],
-    places: Option<&Places>,
+    known: Known<'_>,
     band: HeightBand,
     config: &MapConfig,
 ) -> Result<Region, Missing> {
@@ -94,7 +103,7 @@ pub fn region_of(
         if phrase.trim().is_empty() {
             return Err(Missing::CannotTell("the rule names no object: its phrase is empty".to_owned()));
         }
-        if let Some(found) = places.and_then(|places| places.find(rule, phrase)) {
+        if let Some(found) = known.places.and_then(|places| places.find(rule, phrase)) {
             n_places += 1;
             excepts_honoured |= found.excepts_honoured;
             footprints.push(found.footprint);
@@ -104,7 +113,8 @@ pub fn region_of(
         if let Understood::NotAtAll(words) = &evidence.understood {
             return Err(Missing::NotSeen(words.clone()));
         }
-        footprints.push(evidence.footprint(relation, band, config).map_err(|e| missing(phrase, &e))?);
+        footprints
+            .push(evidence.footprint(relation, band, config, known.base).map_err(|e| missing(phrase, &e))?);
     }
     let first = footprints.first().ok_or_else(|| Missing::CannotTell("nothing to look for".to_owned()))?;
     let second = footprints.get(1);

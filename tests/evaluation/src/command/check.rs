@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use heedway_simulator::scene::{Hull, Scene};
+use heedway_simulator::scene::Scene;
 
+use super::options::robot;
 use crate::check::Survey;
-use crate::setup::profile;
 
 /// Arguments of `heedway-eval check`.
 #[derive(Args, Debug)]
@@ -23,8 +23,7 @@ pub struct Arguments {
 /// # Errors
 /// When a scene cannot be read.
 pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let profile = profile(1)?;
-    let hull = Hull { radius_m: profile.radius_m, height_m: profile.height_m };
+    let (profile, hull) = robot()?;
     let mut out = std::io::stdout().lock();
     let mut n_refused = 0;
     for file in &arguments.files {

@@ -14,9 +14,10 @@ use anyhow::{Context, anyhow};
 use clap::Args;
 use heedway_simulator::scene::{Hull, Scene};
 
-use crate::check::Survey;
+use crate::check::{Best, Survey};
+use crate::condition::{Condition, Event, Masks, Method, Planner, Sensing};
 use crate::outcome::{Line, judged};
-use crate::setup::{Condition, Masks, Method, Planner, Sensing, profile};
+use crate::setup::profile;
 use crate::summary;
 use crate::trial::Task;
 
@@ -58,6 +59,7 @@ struct Job<'a> {
     case_idx: usize,
     name: String,
     condition: Condition,
+    best: Option<Best>,
 }
 
 impl Job<'_> {
@@ -129,6 +131,7 @@ fn plan<'a>(arguments: &Arguments, scenes: &'a [Scene]) -> anyhow::Result<Vec<Jo
             good = vec![good[scene_idx % good.len()]];
         }
         for case_idx in good {
+            let best = survey.best(scene.cases.get(case_idx));
             let kind = scene.cases.get(case_idx).map_or("", |case| case.kind.as_str());
             for method in methods {
                 for planner in &planners {
@@ -137,10 +140,12 @@ fn plan<'a>(arguments: &Arguments, scenes: &'a [Scene]) -> anyhow::Result<Vec<Jo
                             scene,
                             case_idx,
                             name: format!("{case_idx}:{kind}"),
+                            best,
                             condition: Condition {
                                 method: *method,
                                 planner: *planner,
                                 sensing: *sensing,
+                                event: Event::None,
                                 masks: Masks::Models,
                                 filter_off: false,
                                 seed,
@@ -169,7 +174,7 @@ fn play_all(jobs: &[&Job<'_>], file: &Path, n_threads: usize) -> anyhow::Result<
         while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
             let case = job.scene.cases.get(job.case_idx);
             let say = case.map(|case| case.say.as_str());
-            let task = Task { scene: job.scene, say, case, condition: job.condition };
+            let task = Task { scene: job.scene, say, case, condition: job.condition, best: job.best };
             let (line, _) = judged(&task, &job.name)?;
             let text = serde_json::to_string(&line)?;
             writeln!(out.lock().map_err(|_| anyhow!("another trial failed"))?, "{text}")?;

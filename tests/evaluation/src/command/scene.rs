@@ -6,10 +6,11 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use heedway_simulator::scene::{Case, Hull, Scene};
+use heedway_simulator::scene::{Case, Scene};
 
+use super::options::{Options, robot};
+use crate::check::Survey;
 use crate::outcome::{Line, judged};
-use crate::setup::{Condition, Masks, Method, Planner, Sensing, profile};
 use crate::trial::{Run, Task};
 
 /// Arguments of `heedway-eval scene`.
@@ -26,30 +27,17 @@ pub struct Arguments {
     /// Says nothing.
     #[arg(long)]
     no_rule: bool,
-    /// Who keeps the rules.
-    #[arg(long, value_enum, default_value_t = Method::SmoothBlending)]
-    method: Method,
-    /// What the planner sees.
-    #[arg(long, value_enum, default_value_t = Planner::Rules)]
-    planner: Planner,
-    /// How well the robot senses.
-    #[arg(long, value_enum, default_value_t = Sensing::Perfect)]
-    sensing: Sensing,
+    #[command(flatten)]
+    options: Options,
     /// Number of trials; the seed counts up.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     trials: u64,
-    /// Seed of the first trial: start, noise, samples.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
     /// Writes `results.jsonl` and each path here.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// One JSON object a line, and nothing else, on standard output.
     #[arg(long)]
     json: bool,
-    /// Each side of the camera's images is divided by this: faster, and coarser.
-    #[arg(long, default_value_t = 1)]
-    camera_divisor: u32,
 }
 
 /// What is said in a trial, and what judges it.
@@ -64,25 +52,17 @@ struct Words<'a> {
 /// # Errors
 /// When the scene cannot be read, there is no such case, or a file cannot be written.
 pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let profile = profile(1)?;
-    let hull = Hull { radius_m: profile.radius_m, height_m: profile.height_m };
+    let (profile, hull) = robot()?;
     let scene = Scene::load(&arguments.file, hull)?;
     let words = words(arguments, &scene)?;
     if let Some(folder) = &arguments.out {
         std::fs::create_dir_all(folder).with_context(|| format!("create {} (--out)", folder.display()))?;
     }
+    let best = Survey::new(&scene, &profile)?.best(words.case);
     let mut lines = Vec::new();
     for k in 0..arguments.trials {
-        let condition = Condition {
-            method: arguments.method,
-            planner: arguments.planner,
-            sensing: arguments.sensing,
-            masks: Masks::Models,
-            filter_off: false,
-            seed: arguments.seed.wrapping_add(k),
-            camera_divisor: arguments.camera_divisor,
-        };
-        let task = Task { scene: &scene, say: words.say, case: words.case, condition };
+        let condition = arguments.options.condition(k);
+        let task = Task { scene: &scene, say: words.say, case: words.case, condition, best };
         let (line, run) = judged(&task, &words.name)?;
         tell(arguments, &line)?;
         if let Some(folder) = &arguments.out {

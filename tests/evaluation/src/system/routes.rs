@@ -13,7 +13,7 @@ use proto::{
 use rules::{Relation, RuleType};
 
 use super::System;
-use crate::setup::Method;
+use crate::condition::Method;
 
 /// How long work takes, as measured on two cores in November 2026 and rounded up: a turn of the LiDAR, …
 pub(super) const SCAN_TIME: Duration = Duration::from_millis(10);
@@ -110,6 +110,7 @@ impl System {
             }
             Message::BaseMap(m) => {
                 self.tell_navigator(NavigatorInput::BaseMap(m.clone()));
+                self.tell_semantics(semantics::Input::BaseMap(m.clone()));
                 self.told.base_map = Some(m.clone());
                 self.tell_filter(FilterInput::BaseMap(self.heard(m)));
             }

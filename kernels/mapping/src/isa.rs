@@ -24,7 +24,7 @@ enum Kind {
 }
 
 /// A loop to be compiled for every instruction set. `run` must be `#[inline(always)]`, and all it calls.
-pub(crate) trait Work {
+pub trait Work {
     /// What it computes.
     type Output;
     /// Computes it; `FUSED` where multiplying and adding is one instruction ([`fused`]).
@@ -83,7 +83,7 @@ impl Isa {
 
     /// Runs a loop with these instructions.
     #[allow(unsafe_code, reason = "instructions chosen at run time cannot be reached otherwise")]
-    pub(crate) fn run<W: Work>(self, work: W) -> W::Output {
+    pub fn run<W: Work>(self, work: W) -> W::Output {
         match self.0 {
             // SAFETY: a value of this kind exists only where the processor was found to have every feature
             // that the function enables (`available`).
@@ -119,8 +119,9 @@ fn with_neon<W: Work>(work: W) -> W::Output {
 }
 
 /// a b + c, rounded once where that is one instruction, else twice.
+#[must_use]
 #[inline(always)]
-pub(crate) fn fused<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {
+pub fn fused<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 

@@ -1,0 +1,478 @@
+//! Many rollouts at once: a bound of what each keeps.
+//!
+//! Time outside, lanes inside: each loop over lanes is one that the compiler turns into vectors. Places are
+//! counted in cells from the cell of the start, so that f32 is exact enough on any map. Sequences are sampled
+//! here too, from an incumbent and the draws of the tick, and never stored. How a robot moves and what a margin
+//! is worth is a [`Model`]'s business; the standard problem and the filter that drives each have one.
+
+use super::isa::{Work, fused};
+use super::merge::Merged;
+use super::packed::{RIDGE, unpacked};
+
+/// Lanes of one pass.
+const N: usize = 64;
+/// Lanes are counted in whole vectors of so many.
+const N_VECTOR: usize = 16;
+/// Adding and subtracting it rounds a number of at most 2²² to the nearest whole one.
+const ROUNDER: f32 = 12_582_912.0;
+
+/// Lanes with room for whole vectors.
+pub(crate) fn padded(n_samples: usize) -> usize {
+    n_samples.next_multiple_of(N_VECTOR)
+}
+
+/// How one robot moves, lane by lane and without branches. Every function must be `#[inline(always)]`.
+pub(crate) trait Model: Copy {
+    /// Whether segments lose margin between their ends, and plans along their way; else only places count.
+    const LOSES: bool;
+    /// Whether the grid of words wraps around at 256 cells a side.
+    const WRAPS: bool;
+    /// What one step does to a lane.
+    fn step<const FUSED: bool>(&self, speed_m_s: f32, turn_rad: f32, gain_m_s: f32) -> Step;
+    /// What the two margins at a place are worth at a speed, metres.
+    fn worth_m(&self, clear_m: f32, slow_m: f32, speed_m_s: f32) -> f32;
+}
+
+/// One step of one lane.
+pub(crate) struct Step {
+    /// Cells moved ahead, in the heading before the step.
+    pub along: f32,
+    /// Cells moved to the left of it.
+    pub aside: f32,
+    /// Cells of path.
+    pub length: f32,
+    /// Cosine and sine of the turn.
+    pub turn_cos: f32,
+    pub turn_sin: f32,
+    /// Speed after the step.
+    pub speed_m_s: f32,
+    /// The most that the controls alone leave.
+    pub bound_m: f32,
+    /// What is lost on the segment, and what the tube grows by; both zero unless [`Model::LOSES`].
+    pub loss_m: f32,
+    pub growth_m: f32,
+}
+
+/// Where all lanes start; places in cells from the lower left corner of the start's cell.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct From {
+    pub x: f32,
+    pub y: f32,
+    pub sin: f32,
+    pub cos: f32,
+    pub speed_m_s: f32,
+    /// What is kept already, and the margin at the start.
+    pub kept_m: f32,
+    pub here_m: f32,
+    pub tube_m: f32,
+}
+
+/// The grid of words under the lanes; the lower half of a word is the margin to what must be kept clear of, the
+/// upper half that to the slow zone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ground<'a> {
+    /// As many as a power of two.
+    pub words: &'a [u64],
+    /// Column and row of the start's cell.
+    pub first: [i32; 2],
+    pub n_cols: i32,
+    /// Places are held within these, in cells from the start's.
+    pub low: [f32; 2],
+    pub high: [f32; 2],
+    /// The most that either margin changes over the length of a cell side, metres.
+    pub slope_m: f32,
+    /// Quanta of the two margins, metres.
+    pub quantum_m: [f32; 2],
+    /// Who to ask where layers cross.
+    pub ridges: Option<&'a Merged>,
+}
+
+/// The sequences: clamp(incumbent + scale · draw), a step each.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sampled<'a> {
+    /// Turn (radians) and gain (m/s) of each step.
+    pub held: &'a [[f32; 2]],
+    /// Draws of turns and of gains; `n_lanes` for each step, lane by lane.
+    pub draws: [&'a [f32]; 2],
+    pub n_lanes: usize,
+    pub scale: [f32; 2],
+    /// Largest turn (radians) and gain (m/s) of a step.
+    pub limit: [f32; 2],
+    /// Steps of full straight braking after them, while a lane moves.
+    pub n_tail: usize,
+}
+
+/// Rolls `n` lanes out; what each keeps goes to `kept_m`, to the rounding of f32 and of the words.
+///
+/// `FULL` finishes every rollout and reads the words at every step. Otherwise steps are skipped where the words
+/// cannot matter, and a pass ends as soon as no lane keeps more than `floor_m`; its values then are bounds from
+/// above that lie at or below `floor_m`.
+pub(crate) struct Sweep<'a, M: Model, const FULL: bool> {
+    pub model: M,
+    pub ground: Ground<'a>,
+    pub from: From,
+    pub sampled: Sampled<'a>,
+    pub n: usize,
+    pub floor_m: f32,
+    pub kept_m: &'a mut [f32],
+}
+
+impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Sweep { model, ground, from, sampled, n: n_all, floor_m, kept_m } = self;
+        let Sampled { held, draws: [turn_draws, gain_draws], n_lanes, scale, limit, n_tail } = sampled;
+        let n_steps = held.len();
+        for first in (0..n_all).step_by(N) {
+            let n = (n_all - first).min(N);
+            let mut pass = Pass::at(from, n.next_multiple_of(N_VECTOR).min(N));
+            for step in 0..n_steps + n_tail {
+                let is_tail = step >= n_steps;
+                let at = step.min(n_steps - 1) * n_lanes + first;
+                let draws = [&turn_draws[at..at + pass.n], &gain_draws[at..at + pass.n]];
+                let (held, scale) = if is_tail { ([0.0, -limit[1]], [0.0; 2]) } else { (held[step], scale) };
+                pass.advance::<M, FUSED>(model, &ground, draws, held, scale, limit);
+                if FULL {
+                    pass.load(&ground, n);
+                    if pass.judge::<M, FUSED>(model, &ground) != 0 {
+                        pass.settle_ridges::<M>(model, &ground, n);
+                    }
+                    continue;
+                }
+                let state = pass.room::<M>(ground.slope_m, floor_m);
+                if state & ALIVE == 0 || (is_tail && state & MOVING == 0) {
+                    break;
+                }
+                if state & READS == 0 {
+                    pass.here_m = [f32::INFINITY; N];
+                    continue;
+                }
+                pass.load(&ground, n);
+                if pass.judge::<M, FUSED>(model, &ground) != 0 {
+                    pass.settle_ridges::<M>(model, &ground, n);
+                }
+            }
+            kept_m[first..first + n].copy_from_slice(&pass.kept_m[..n]);
+        }
+    }
+}
+
+/// Some lane still keeps more than the floor.
+const ALIVE: u32 = 1;
+/// Some such lane may be lowered by what the words say here.
+const READS: u32 = 2;
+/// Some such lane moves.
+const MOVING: u32 = 4;
+
+/// The lanes of one pass.
+struct Pass {
+    n: usize,
+    x: [f32; N],
+    y: [f32; N],
+    sin: [f32; N],
+    cos: [f32; N],
+    speed_m_s: [f32; N],
+    kept_m: [f32; N],
+    /// The margin at the last place.
+    here_m: [f32; N],
+    tube_m: [f32; N],
+    /// What the controls of this step leave, and what is lost on it.
+    bound_m: [f32; N],
+    lost_m: [f32; N],
+    /// Cells moved in this step.
+    moved: [f32; N],
+    /// Neither margin can be below this, metres.
+    room_m: [f32; N],
+    share_x: [f32; N],
+    share_y: [f32; N],
+    cell_idx: [i32; N],
+    clear: [u32; N],
+    slow: [u32; N],
+    ridge: [u32; N],
+}
+
+impl Pass {
+    #[inline(always)]
+    fn at(from: From, n: usize) -> Pass {
+        Pass {
+            n,
+            x: [from.x; N],
+            y: [from.y; N],
+            sin: [from.sin; N],
+            cos: [from.cos; N],
+            speed_m_s: [from.speed_m_s; N],
+            kept_m: [from.kept_m; N],
+            here_m: [from.here_m; N],
+            tube_m: [from.tube_m; N],
+            bound_m: [f32::INFINITY; N],
+            lost_m: [0.0; N],
+            moved: [0.0; N],
+            room_m: [f32::NEG_INFINITY; N],
+            share_x: [0.0; N],
+            share_y: [0.0; N],
+            cell_idx: [0; N],
+            clear: [0; N],
+            slow: [0; N],
+            ridge: [0; N],
+        }
+    }
+
+    /// One step of every lane, and where each is then.
+    #[inline(always)]
+    fn advance<M: Model, const FUSED: bool>(
+        &mut self,
+        model: M,
+        ground: &Ground<'_>,
+        draws: [&[f32]; 2],
+        held: [f32; 2],
+        scale: [f32; 2],
+        limit: [f32; 2],
+    ) {
+        let n = self.n.min(N);
+        step_lanes::<M, FUSED>(
+            n,
+            model,
+            (draws, held, scale, limit),
+            &mut self.x,
+            &mut self.y,
+            &mut self.sin,
+            &mut self.cos,
+            &mut self.speed_m_s,
+            &mut self.bound_m,
+            &mut self.lost_m,
+            &mut self.tube_m,
+            &mut self.moved,
+        );
+        place_lanes::<M>(
+            n,
+            ground,
+            &mut self.share_x,
+            &mut self.share_y,
+            &mut self.cell_idx,
+            &self.x,
+            &self.y,
+        );
+    }
+
+    /// Lowers what lanes keep to what their controls leave; what is to be done about the rest.
+    #[inline(always)]
+    fn room<M: Model>(&mut self, slope_m: f32, floor_m: f32) -> u32 {
+        room_lanes::<M>(
+            self.n.min(N),
+            &mut self.room_m,
+            &mut self.kept_m,
+            &self.moved,
+            &self.bound_m,
+            &self.lost_m,
+            slope_m,
+            floor_m,
+        )
+    }
+
+    /// Loads the words of every lane's cell.
+    #[inline(always)]
+    fn load(&mut self, ground: &Ground<'_>, n: usize) {
+        let words = ground.words;
+        let last = words.len() - 1;
+        for lane in 0..n.min(N) {
+            // Nothing is read beyond the grid, whatever is not a number.
+            let word = words[self.cell_idx[lane] as usize & last];
+            self.clear[lane] = word as u32;
+            self.slow[lane] = (word >> 32) as u32;
+        }
+    }
+
+    /// Lowers what lanes keep by the margins at their places; not 0 when some lie on a ridge that matters.
+    #[inline(always)]
+    fn judge<M: Model, const FUSED: bool>(&mut self, model: M, ground: &Ground<'_>) -> u32 {
+        judge_lanes::<M, FUSED>(
+            self.n.min(N),
+            model,
+            &mut self.kept_m,
+            &mut self.here_m,
+            &mut self.room_m,
+            &mut self.ridge,
+            &self.bound_m,
+            &self.lost_m,
+            (&self.clear, &self.slow),
+            &self.share_x,
+            &self.share_y,
+            &self.speed_m_s,
+            ground.quantum_m,
+        )
+    }
+
+    /// Where layers cross, the word is a lower bound only: those lanes ask the layers.
+    #[inline(never)]
+    fn settle_ridges<M: Model>(&mut self, model: M, ground: &Ground<'_>, n: usize) {
+        let Some(ridges) = ground.ridges else { return };
+        for lane in (0..n.min(N)).filter(|lane| self.ridge[*lane] != 0) {
+            let (x, y) = (self.share_x[lane], self.share_y[lane]);
+            let clear_m = ridges.ridge_m(self.cell_idx[lane] as usize, (x, y));
+            let slow_m = ground.quantum_m[1] * unpacked::<false>(self.slow[lane], x, y);
+            let worth_m = model.worth_m(clear_m, slow_m, self.speed_m_s[lane]);
+            self.kept_m[lane] = least(self.kept_m[lane], worth_m);
+        }
+    }
+}
+
+// As comparisons, not `f32::min`: one instruction each where NaN is not asked about.
+
+/// The smaller of two.
+#[inline(always)]
+pub(crate) fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The larger of two.
+#[inline(always)]
+pub(crate) fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+// Each loop reads and writes arrays that are arguments of their own: only then does the compiler know that
+// they do not overlap, and makes vectors of them.
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
+fn step_lanes<M: Model, const FUSED: bool>(
+    n: usize,
+    model: M,
+    ([turn_draws, gain_draws], held, scale, limit): ([&[f32]; 2], [f32; 2], [f32; 2], [f32; 2]),
+    x: &mut [f32; N],
+    y: &mut [f32; N],
+    sin: &mut [f32; N],
+    cos: &mut [f32; N],
+    speed_m_s: &mut [f32; N],
+    bound_m: &mut [f32; N],
+    lost_m: &mut [f32; N],
+    tube_m: &mut [f32; N],
+    moved: &mut [f32; N],
+) {
+    let (turn_draws, gain_draws) = (&turn_draws[..n], &gain_draws[..n]);
+    let sampled =
+        |draw: f32, k: usize| most(least(fused::<FUSED>(draw, scale[k], held[k]), limit[k]), -limit[k]);
+    for lane in 0..n {
+        let (turn, gain) = (sampled(turn_draws[lane], 0), sampled(gain_draws[lane], 1));
+        let step = model.step::<FUSED>(speed_m_s[lane], turn, gain);
+        let (s, c) = (sin[lane], cos[lane]);
+        let (ahead_x, ahead_y) =
+            (fused::<FUSED>(step.along, c, x[lane]), fused::<FUSED>(step.along, s, y[lane]));
+        x[lane] = if M::LOSES { fused::<FUSED>(-step.aside, s, ahead_x) } else { ahead_x };
+        y[lane] = if M::LOSES { fused::<FUSED>(step.aside, c, ahead_y) } else { ahead_y };
+        sin[lane] = fused::<FUSED>(s, step.turn_cos, c * step.turn_sin);
+        cos[lane] = fused::<FUSED>(c, step.turn_cos, -s * step.turn_sin);
+        speed_m_s[lane] = step.speed_m_s;
+        bound_m[lane] = step.bound_m;
+        moved[lane] = step.length;
+        if M::LOSES {
+            let tube = tube_m[lane] + step.growth_m;
+            tube_m[lane] = tube;
+            lost_m[lane] = step.loss_m + tube;
+        }
+    }
+}
+
+#[inline(always)]
+fn place_lanes<M: Model>(
+    n: usize,
+    ground: &Ground<'_>,
+    share_x: &mut [f32; N],
+    share_y: &mut [f32; N],
+    cell_idx: &mut [i32; N],
+    x: &[f32; N],
+    y: &[f32; N],
+) {
+    let ([low_x, low_y], [high_x, high_y]) = (ground.low, ground.high);
+    let ([first_col, first_row], n_cols) = (ground.first, ground.n_cols);
+    let first_idx = first_row.wrapping_mul(n_cols).wrapping_add(first_col);
+    let whole = |rounded: f32| (rounded.to_bits() as i32).wrapping_sub(ROUNDER.to_bits() as i32);
+    for lane in 0..n {
+        let inside_x = most(least(x[lane], high_x), low_x);
+        let inside_y = most(least(y[lane], high_y), low_y);
+        let (col, row) = ((inside_x - 0.5) + ROUNDER, (inside_y - 0.5) + ROUNDER);
+        share_x[lane] = inside_x - (col - ROUNDER);
+        share_y[lane] = inside_y - (row - ROUNDER);
+        cell_idx[lane] = if M::WRAPS {
+            let (col, row) = (whole(col).wrapping_add(first_col), whole(row).wrapping_add(first_row));
+            ((row & 0xFF) << 8) | (col & 0xFF)
+        } else {
+            whole(row).wrapping_mul(n_cols).wrapping_add(whole(col)).wrapping_add(first_idx)
+        };
+    }
+}
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
+fn room_lanes<M: Model>(
+    n: usize,
+    room_m: &mut [f32; N],
+    kept_m: &mut [f32; N],
+    moved: &[f32; N],
+    bound_m: &[f32; N],
+    lost_m: &[f32; N],
+    slope_m: f32,
+    floor_m: f32,
+) -> u32 {
+    let mut state = 0;
+    for lane in 0..n {
+        let room = room_m[lane] - slope_m * moved[lane] - 1e-6;
+        room_m[lane] = room;
+        let kept = least(kept_m[lane], bound_m[lane]);
+        kept_m[lane] = kept;
+        let left = if M::LOSES { room - lost_m[lane] } else { room };
+        let is_alive = kept > floor_m;
+        state |= if is_alive { ALIVE } else { 0 };
+        state |= if is_alive & (left < kept) { READS } else { 0 };
+        state |= if is_alive & (moved[lane] > 0.0) { MOVING } else { 0 };
+    }
+    state
+}
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
+fn judge_lanes<M: Model, const FUSED: bool>(
+    n: usize,
+    model: M,
+    kept_m: &mut [f32; N],
+    here_m: &mut [f32; N],
+    room_m: &mut [f32; N],
+    ridge: &mut [u32; N],
+    bound_m: &[f32; N],
+    lost_m: &[f32; N],
+    (clear, slow): (&[u32; N], &[u32; N]),
+    share_x: &[f32; N],
+    share_y: &[f32; N],
+    speed_m_s: &[f32; N],
+    [clear_quantum_m, slow_quantum_m]: [f32; 2],
+) -> u32 {
+    let mut ridges = 0;
+    for lane in 0..n {
+        let (x, y, clear, slow) = (share_x[lane], share_y[lane], clear[lane], slow[lane]);
+        let clear_m = clear_quantum_m * unpacked::<FUSED>(clear, x, y);
+        let slow_m = slow_quantum_m * unpacked::<FUSED>(slow, x, y);
+        let worth_m = model.worth_m(clear_m, slow_m, speed_m_s[lane]);
+        // Not the loaded value itself is chosen from: that would make a masked store, which the next load waits for.
+        let kept = least(kept_m[lane], bound_m[lane]);
+        room_m[lane] = least(clear_m, slow_m);
+        if M::LOSES {
+            // What such robots read is never a ridge: their words are bounds already.
+            kept_m[lane] = least(kept, least(here_m[lane], worth_m) - lost_m[lane]);
+            here_m[lane] = worth_m;
+        } else {
+            let lowers = if worth_m < kept { 1 } else { 0 };
+            let is_ridge = (clear >> 31) & lowers;
+            ridge[lane] = is_ridge;
+            ridges |= is_ridge;
+            kept_m[lane] = if is_ridge != 0 { kept } else { least(kept, worth_m) };
+        }
+    }
+    ridges
+}
+
+/// A word of two: what must be kept clear of, and the slow zone.
+#[inline(always)]
+pub(crate) fn paired(clear: u32, slow: u32) -> u64 {
+    u64::from(clear) | (u64::from(slow & !RIDGE) << 32)
+}
