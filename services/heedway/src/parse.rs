@@ -1,15 +1,14 @@
 //! `heedway parse`: sentences without a robot, JSON lines in and out, for evaluation.
 
 use std::io::{BufRead, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use geometry::Profile;
-use heedway_language::LanguageSettings;
-use heedway_language::admission::clarify;
-use heedway_language::llm::{LlmParser, LlmSettings};
+use heedway_language::ParserChoice;
+use heedway_language::lone::LoneParser;
 use rules::template::FiveFields;
 use rules::{Outcome, Reply, Rule};
 use serde::{Deserialize, Serialize};
@@ -23,9 +22,10 @@ pub struct Arguments {
     /// Whose limits hold.
     #[arg(long, value_enum, default_value_t = ProfileName::Sim)]
     profile: ProfileName,
-    /// Who parses.
-    #[arg(long, value_enum, default_value_t = ParserName::Offline)]
-    parser: ParserName,
+    /// Who parses: offline (the grammar that is built in), llm (a language model; a question when it gives no
+    /// answer) or llm-then-offline (the grammar when the model gives no answer).
+    #[arg(long, default_value_t = ParserChoice::Offline)]
+    parser: ParserChoice,
     /// Where the language model is told: a language service's configuration. Without it the environment
     /// tells: HEEDWAY_LLM_BASE_URL, HEEDWAY_LLM_MODEL and, where one is needed, HEEDWAY_LLM_KEY.
     #[arg(long, value_name = "FILE")]
@@ -37,17 +37,6 @@ pub struct Arguments {
 enum ProfileName {
     Sim,
     Turtlebot2,
-}
-
-/// Who parses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ParserName {
-    /// The grammar that is built in.
-    Offline,
-    /// A language model; a question when it gives no answer.
-    Llm,
-    /// A language model; the grammar when it gives no answer.
-    LlmThenOffline,
 }
 
 /// One line in.
@@ -97,22 +86,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         ProfileName::Turtlebot2 => Profile::turtlebot2(),
     };
     let (lines, mut out) = (std::io::stdin().lock(), std::io::stdout().lock());
-    let offline = |context: &[Rule], words: &str| utterance::parse(context, &profile, words);
-    if arguments.parser == ParserName::Offline {
-        return Ok(exit_code(parse_lines(lines, &mut out, &profile, offline)?));
-    }
-    let model = model(arguments.config.as_deref(), &profile)?;
+    let parser = LoneParser::new(arguments.parser, arguments.config.as_deref(), profile.clone())?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let falls_back = arguments.parser == ParserName::LlmThenOffline;
-    let parser = |context: &[Rule], words: &str| match runtime.block_on(model.read_one(words, context)).reply
-    {
-        Ok(reply) => reply,
-        Err(_) if falls_back => offline(context, words),
-        Err(reason) => {
-            clarify(&format!("The language model gave no answer: {reason}. Please say it again."), vec![])
-        }
-    };
-    Ok(exit_code(parse_lines(lines, &mut out, &profile, parser)?))
+    let read = |context: &[Rule], words: &str| runtime.block_on(parser.read(words, context)).reply;
+    Ok(exit_code(parse_lines(lines, &mut out, &profile, read)?))
 }
 
 /// Says on standard error which lines could not be read.
@@ -121,18 +98,6 @@ fn exit_code(unread: Vec<anyhow::Error>) -> ExitCode {
         eprintln!("heedway: {reason:#}");
     }
     if unread.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
-}
-
-/// The language model that the configuration names, or else the environment.
-fn model(config: Option<&Path>, profile: &Profile) -> anyhow::Result<LlmParser> {
-    let Some(file) = config else {
-        let settings = LlmSettings::from_environment()?;
-        return LlmParser::new(&settings, Path::new("."), profile.clone());
-    };
-    let loaded = service::config::load::<LanguageSettings>(file)?;
-    let settings = loaded.settings.llm;
-    let settings = settings.with_context(|| format!("{}: no section [language.llm]", file.display()))?;
-    LlmParser::new(&settings, &loaded.folder, profile.clone())
 }
 
 /// Answers each line that can be read; why the others could not.

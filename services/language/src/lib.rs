@@ -13,6 +13,7 @@ pub mod dialogue;
 pub mod journal;
 pub mod lifetimes;
 pub mod llm;
+pub mod lone;
 pub mod rulebook;
 pub mod store;
 pub mod whereabouts;

@@ -126,12 +126,15 @@ impl<'a> Survey<'a> {
         let room_m = layout.cells().map(|cell| {
             let at = layout.centre(cell);
             let zones = keep_out.iter().filter_map(|(rule, zone)| depth_m(rule, zone, at));
-            zones.fold(*self.obstacle_m.get(cell), |room_m, depth_m| room_m.min(self.profile.radius_m - depth_m))
+            zones.fold(*self.obstacle_m.get(cell), |room_m, depth_m| {
+                room_m.min(self.profile.radius_m - depth_m)
+            })
         });
         let room_m = Grid::from_values(layout, room_m.collect()).ok()?;
         let way = nominal(self.scene, &room_m, self.profile).ok()?.ok()?;
         let speed_m_s = |at: Point2| {
-            let limits = zones.iter().filter(|(rule, zone)| depth_m(rule, zone, at).is_some_and(|m| m >= 0.0));
+            let limits =
+                zones.iter().filter(|(rule, zone)| depth_m(rule, zone, at).is_some_and(|m| m >= 0.0));
             let limits = limits.filter_map(|(rule, _)| rule.speed_m_s_max.filter(|limit| *limit > 0.0));
             limits.fold(self.profile.speed_m_s_max, f64::min)
         };

@@ -2,6 +2,7 @@
 
 mod check;
 mod generated;
+mod language;
 mod options;
 mod paper;
 mod scene;
@@ -26,6 +27,8 @@ enum Command {
     Paper(paper::Arguments),
     /// Plays trials in scenes drawn from seeds.
     Generated(generated::Arguments),
+    /// Asks a parser the paper's kinds of instructions, several times each.
+    Language(language::Arguments),
     /// Checks whether the cases of scene files are worth playing.
     Check(check::Arguments),
 }
@@ -37,6 +40,7 @@ pub fn run() -> ExitCode {
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Paper(arguments) => paper::run(&arguments),
         Command::Generated(arguments) => generated::run(&arguments),
+        Command::Language(arguments) => language::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
     };
     match done {

@@ -11,6 +11,7 @@ pub mod condition;
 pub mod course;
 pub mod generate;
 pub mod judge;
+pub mod language;
 pub mod model_host;
 pub mod outcome;
 pub mod setup;

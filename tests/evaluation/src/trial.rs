@@ -2,18 +2,18 @@
 
 mod drive;
 
-use geometry::Point2;
-use heedway_simulator::scene::{Case, Hull, Scene};
-use heedway_simulator::simulated_robot::World;
-use proto::{BaseMap, CellSet, Goal};
-use crate::condition::{Condition, Masks, Method};
 use crate::check::Best;
+use crate::condition::{Condition, Masks, Method};
 use crate::course::Course;
 use crate::judge::Findings;
 use crate::model_host::{ModelHost, Role};
 use crate::setup::Setup;
 use crate::system::{Message, System};
 use drive::Drive;
+use geometry::Point2;
+use heedway_simulator::scene::{Case, Hull, Scene};
+use heedway_simulator::simulated_robot::World;
+use proto::{BaseMap, CellSet, Goal};
 
 /// Longest time until the robot could move, seconds.
 const READY_S_MAX: f64 = 10.0;

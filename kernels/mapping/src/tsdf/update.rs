@@ -7,8 +7,8 @@
 use nalgebra::{Point3, Vector3};
 
 use super::planes::Planes;
+use super::slab::{N_SLAB, NEAR_M, ROUNDING, Slab};
 use super::tiles::{Tile, Tiles};
-use super::slab::{NEAR_M, N_SLAB, ROUNDING, Slab};
 use super::{BLOCK_SIDE, Block, Integrated, TsdfConfig};
 use crate::image::DepthFrame;
 use crate::isa::{Isa, Work};
@@ -288,4 +288,3 @@ impl<'a> View<'a> {
         })
     }
 }
-

@@ -94,7 +94,8 @@ impl<'a> Drive<'a> {
                 Some(Deed::Revoke) => self.revoke(system, run),
                 Some(Deed::SetDown(spot)) => {
                     changed = Some(system.appear(with_box(self.task.scene, spot))?);
-                    run.remarks.push(format!("a box appeared at ({:.2}, {:.2}) at {time_s:.2} s", spot.x, spot.y));
+                    run.remarks
+                        .push(format!("a box appeared at ({:.2}, {:.2}) at {time_s:.2} s", spot.x, spot.y));
                 }
             }
             n_turns += 1;
