@@ -83,6 +83,20 @@ impl Joiner {
         // A statement with nothing to heed in it, or a task: told, not ordered.
         let told = (is_story(&draft) || does_something(&draft)) && !is_order(&draft);
         let mut draft = draft;
+        // "5 km/h, no, 3 km/h": which of the two?
+        let corrects = ["no ", "sorry ", "i mean ", "rather ", "actually "]
+            .iter()
+            .any(|word| draft.words.starts_with(word))
+            && !draft.quantities.is_empty()
+            && draft
+                .senses
+                .iter()
+                .all(|sense| matches!(sense, Sense::Make | Sense::RuleNoun | Sense::SpeedNoun))
+            && draft.quantities.iter().all(|quantity| quantity.bound == Bound::Plain)
+            && self.last == Last::Order;
+        if corrects {
+            self.out.leftover.push(draft.words.clone());
+        }
         if told && !draft.leftover.is_empty() {
             // "the bathroom door opens outwards": the verb went into the name.
             for name in draft.names.iter_mut().filter(|name| name.n_words > 1) {
@@ -251,6 +265,22 @@ impl Joiner {
             self.out.orders.last().is_some_and(|clause| clause.draft.has_any(&[Sense::Allow, Sense::Fine]));
         if lets_off && last_allows && !draft.names.is_empty() {
             // "you may enter the office but not the server room"
+            // "but not the glass one": of the tables.
+            let kind = self.out.orders.last().and_then(|clause| clause.draft.all_names().last().cloned());
+            for name in draft
+                .names
+                .iter_mut()
+                .filter(|name| name.reference.ends_with(" one") || name.reference.ends_with(" ones"))
+            {
+                if let Some(kind) = &kind {
+                    name.obj.clone_from(&kind.obj);
+                    name.reference = format!(
+                        "{} {}",
+                        name.reference.rsplit_once(' ').map_or("", |(look, _)| look),
+                        kind.obj
+                    );
+                }
+            }
             let place = self
                 .out
                 .orders
@@ -300,6 +330,7 @@ impl Joiner {
         } else if is_limit(&draft) && draft.regions.is_empty() {
             draft.regions.append(&mut self.waiting_regions);
         }
+        self.same_place(&mut draft);
         if draft.join == Some(Join::So) && draft.has(Sense::Everywhere) {
             // "visitors on site, so half speed everywhere": why.
             self.waiting_names.clear();
@@ -336,6 +367,34 @@ impl Joiner {
             self.out.orders.push(clause);
         }
         self.last = Last::Order;
+    }
+
+    /// "you may pass through the hall, but slowly": slowly in the hall.
+    fn same_place(&self, draft: &mut Draft) {
+        let bare = draft.regions.is_empty() && draft.names.is_empty() && !draft.has(Sense::Everywhere);
+        if draft.join != Some(Join::But) || !bare || !is_limit(draft) {
+            return;
+        }
+        let before = match self.last {
+            Last::Order => self
+                .out
+                .orders
+                .last()
+                .map(|clause| &clause.draft)
+                .filter(|old| old.has_any(&[Sense::Allow, Sense::Fine, Sense::Lift])),
+            Last::Other => self.out.others.last(),
+            _ => None,
+        };
+        let Some(before) = before else { return };
+        let held = before.regions.iter().find(|region| !matches!(region.place, Place::To | Place::ThisSide));
+        if let Some(region) = held {
+            draft.regions.push(region.clone());
+        } else if before.has_any(&[Sense::VerbOn, Sense::VerbPast, Sense::VerbNear])
+            && !before.names.is_empty()
+        {
+            let place = if before.has(Sense::VerbOn) { Place::On } else { Place::Near };
+            draft.regions.push(Region { place, names: before.names.clone() });
+        }
     }
 
     /// "a dog is in the yard, be careful": careful about the dog.
@@ -416,7 +475,10 @@ impl Joiner {
             })
             && !new.quantities.is_empty();
         let n_distances = new.quantities.iter().filter(|q| q.kind == Kind::Distance).count();
-        let limits_both = is_limit(old) && is_limit(new) && n_distances == 0;
+        // "slower still, say 0.2"
+        let bare_speed =
+            new.quantities.iter().all(|q| q.kind == Kind::Bare) && new.senses.is_empty() && is_limit(old);
+        let limits_both = is_limit(old) && (is_limit(new) || bare_speed) && n_distances == 0;
         let distance_for = n_distances == 1
             && new.quantities.len() == 1
             && old.quantity(Kind::Distance).is_none()

@@ -124,6 +124,10 @@ impl Nouns {
             words.remove(0);
         }
         let Some((last, rest)) = words.split_last() else { return String::new() };
+        // "the rug thing"
+        if matches!(*last, "thing" | "things" | "one" | "ones" | "business" | "stuff") && !rest.is_empty() {
+            return self.class_noun(rest);
+        }
         // "the nurses' (way)": of the nurses.
         let owner = last.strip_suffix("'s").or_else(|| last.strip_suffix('\''));
         if let Some(owner) = owner {

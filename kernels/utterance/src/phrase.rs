@@ -172,7 +172,10 @@ fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
             let is_gerund = at == words_start
                 && item.text.ends_with("ing")
                 && at.checked_sub(1).and_then(|idx| items.get(idx)).is_none_or(|b| b.is(Sense::Det));
-            next_is_name && !tells || is_gerund
+            let kind_of_room = items.get(at + 1).is_some_and(|next| {
+                Nouns::get().is_place(&next.text) || matches!(next.text.as_str(), "room" | "rooms")
+            });
+            next_is_name && (!tells || kind_of_room) || is_gerund
         }
     }
 }

@@ -130,6 +130,10 @@ pub fn quantity_at(tokens: &[Token], at: usize, bare_unit: BareUnit) -> Option<Q
         };
         end += 2;
     }
+    // "by one about the mud": a rule, not a number.
+    if by && quantity.kind == Kind::Bare && word(tokens, start) == "one" {
+        return None;
+    }
     if by && quantity.kind != Kind::Fraction && quantity.kind != Kind::Distance {
         by = quantity.kind == Kind::Duration;
     }

@@ -87,7 +87,23 @@ pub fn update(
         };
     }
     let pool: Vec<&Rule> = if on_named.is_empty() { active.iter().collect() } else { on_named };
-    change(draft, &pool, scales, profile)
+    // "make both a metre", "make them all a metre"
+    let all = named.is_empty()
+        && pool.len() > 1
+        && draft.all_names().any(|name| matches!(name.reference.as_str(), "both" | "they both" | "they all"))
+        || draft.words.contains("them all")
+        || draft.words.contains("all of them");
+    if !all {
+        return change(draft, &pool, scales, profile);
+    }
+    let mut sum = Change::default();
+    for rule in &pool {
+        if let Some(one) = change(draft, &[rule], scales, profile)? {
+            sum.lifted.extend(one.lifted);
+            sum.added.extend(one.added);
+        }
+    }
+    Ok(Some(sum))
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -140,7 +156,9 @@ fn field_of(quantity: &Quantity, newest: &Rule, draft: &Draft) -> Field {
         Kind::Distance => Field::Buffer,
         Kind::Speed | Kind::Fraction => Field::Speed,
         Kind::TurnRate => Field::TurnRate,
-        Kind::Bare | Kind::Duration if draft.has_any(&[Sense::SpeedNoun, Sense::Slow]) => Field::Speed,
+        Kind::Bare | Kind::Duration if draft.has_any(&[Sense::SpeedNoun, Sense::Slow, Sense::Slower]) => {
+            Field::Speed
+        }
         Kind::Bare | Kind::Duration => match newest.rule_type {
             RuleType::Exclusion => Field::Buffer,
             RuleType::Kinematic if newest.vel_max.is_some() => Field::Speed,

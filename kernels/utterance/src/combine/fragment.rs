@@ -146,6 +146,18 @@ impl Joiner {
         if !draft.regions.is_empty() {
             draft.names.retain(|name| !Nouns::get().is_event(&name.obj));
         }
+        // "no need to slow down in the hall, but do near the tanks": the other way round, and not said how.
+        let turns = draft.join == Some(Join::But)
+            && self.last == Last::Order
+            && self
+                .out
+                .orders
+                .last()
+                .is_some_and(|clause| clause.draft.has_any(&[Sense::Lift, Sense::Allow, Sense::Fine]));
+        if turns {
+            self.out.leftover.push(draft.words.clone());
+            return;
+        }
         let ttl_s = draft.ttl_s;
         if let (true, Last::Order, Some(clause)) = (goes_on, self.last, self.out.orders.last_mut()) {
             let only_names = draft.regions.is_empty();

@@ -39,6 +39,12 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
             return Some(Sense::Hold);
         }
         "leave" => return Some(if draft.is_negated() { Sense::VerbLeave } else { Sense::Hold }),
+        "top speed" | "max speed" | "full speed"
+            if next.is_some_and(|n| matches!(n.sort, crate::item::Sort::Quantity(_))) =>
+        {
+            return Some(Sense::SpeedNoun);
+        }
+        "wipe" if next.is_some_and(|n| n.is(Sense::AllRules)) => return Some(Sense::Revoke),
         "drop" if next.is_some_and(|n| n.is(Sense::To)) => return Some(Sense::Dampen),
         "out" if draft.has(Sense::VerbWake) => return None,
         "clear" | "drop" | "lift" | "end" | "reset" | "scratch"
