@@ -130,6 +130,7 @@ impl Joiner {
                     self.group.append(&mut self.waiting_names);
                 }
                 self.group.extend(subjects);
+                self.group.truncate(N_MENTIONS_MAX);
             } else {
                 self.group = subjects;
             }
@@ -357,6 +358,25 @@ impl Joiner {
         let bare = clause.draft.regions.is_empty()
             && clause.draft.names.is_empty()
             && !clause.draft.has(Sense::Everywhere);
+        // "slow down near the racks and turn gently": both near the racks.
+        let turns = |draft: &Draft| {
+            draft.has_any(&[Sense::TurnSlow, Sense::Turn, Sense::TurnFast])
+                || draft.quantity(Kind::TurnRate).is_some()
+        };
+        let other_limit = self.out.orders.last().filter(|last| {
+            self.last == Last::Order
+                && bare
+                && matches!(clause.draft.join, Some(Join::And | Join::Comma | Join::But))
+                && is_limit(&last.draft)
+                && is_limit(&clause.draft)
+                && turns(&last.draft) != turns(&clause.draft)
+        });
+        if let Some(last) = other_limit {
+            clause.draft.regions.clone_from(&last.draft.regions);
+            clause.draft.names.clone_from(&last.draft.names);
+            let near = last.draft.quantities.iter().filter(|quantity| quantity.kind == Kind::Distance);
+            clause.draft.quantities.extend(near.cloned());
+        }
         if let (true, Some(last)) = (
             bare && clause.draft.join == Some(Join::And) && is_limit(&clause.draft),
             self.out.orders.last().filter(|last| last.is_conditioned && is_limit(&last.draft)),
@@ -502,6 +522,32 @@ impl Joiner {
                 || draft.quantity(Kind::TurnRate).is_some()
         };
         let bare_old = old.regions.is_empty() && old.names.is_empty() && !old.has(Sense::Everywhere);
+        // "slowly and quietly past room 4": one manner.
+        const MANNERS: [&str; 12] = [
+            "quiet",
+            "quietly",
+            "gentle",
+            "gently",
+            "careful",
+            "carefully",
+            "slow",
+            "slowly",
+            "steady",
+            "calm",
+            "calmly",
+            "cautiously",
+        ];
+        let one_manner = bare_old
+            && matches!(new.join, Some(Join::And))
+            && old.quantities.is_empty()
+            && is_limit(old)
+            && is_limit(new)
+            && new.words.split(' ').next().is_some_and(|word| MANNERS.contains(&word));
+        if one_manner {
+            old.regions.clone_from(&new.regions);
+            old.names.clone_from(&new.names);
+            old.ttl_s = old.ttl_s.or(new.ttl_s);
+        }
         if bare_old
             && matches!(new.join, Some(Join::And))
             && is_limit(old)

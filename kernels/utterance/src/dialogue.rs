@@ -50,7 +50,10 @@ pub fn talk(
     if draft.has(Sense::StartOver) && draft.n_neg == 0 {
         return Ok(Some(revoked(active.iter().map(|rule| rule.id.clone()).collect())));
     }
-    if draft.has_any(&[Sense::NormalSpeed, Sense::AsNormal]) && !draft.is_negated() {
+    if draft.has_any(&[Sense::NormalSpeed, Sense::AsNormal])
+        && !draft.is_negated()
+        && draft.quantities.is_empty()
+    {
         return Ok(Some(normal_speed(draft, active)));
     }
     if draft.has(Sense::Revoke) && draft.n_neg == 0 {

@@ -7,6 +7,8 @@ use crate::speech::{Speech, speech};
 
 /// Most words in a name. More is a sentence that we failed to read, and is asked about.
 const WORDS_MAX: usize = 6;
+/// Most determiners before a name: "all of the other …".
+const DETS_MAX: usize = 4;
 
 /// Senses that may also be a word in a name: "the stop sign", "the play mat".
 const NOUNABLE: [Sense; 29] = [
@@ -51,7 +53,7 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
     let mut idx = at;
     let mut universal = false;
     let mut determined = false;
-    while let Some(item) = items.get(idx).filter(|item| item.is(Sense::Det)) {
+    while let Some(item) = items.get(idx).filter(|item| item.is(Sense::Det) && idx - at < DETS_MAX) {
         let opens_name = items
             .get(idx + 1)
             .is_some_and(|next| next.is_word() || next.is(Sense::Det) || nounable(items, idx + 1, true));
@@ -132,7 +134,8 @@ fn inner_words(items: &[Item], at: usize) -> Option<(Vec<&str>, usize)> {
         idx += 1;
     }
     let start = idx;
-    while items.get(idx).is_some_and(|item| item.is_word() && word_fits(items, idx, start))
+    while (items.get(idx).is_some_and(|item| item.is_word() && word_fits(items, idx, start))
+        || idx == start && nounable(items, idx, true))
         && idx - start < WORDS_MAX
     {
         idx += 1;
@@ -152,6 +155,11 @@ fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
         item.text.as_str(),
         "than" | "else" | "ago" | "per" | "via" | "despite" | "versus" | "unlike" | "lot" | "sake"
     ) {
+        return false;
+    }
+    // "water damages the floor": two names need something between them, so this is the verb.
+    let article_next = items.get(at + 1).is_some_and(|next| next.is(Sense::Det) && !next.is(Sense::Pronoun));
+    if at > words_start && article_next && item.text.ends_with('s') {
         return false;
     }
     let next_is_name = items.get(at + 1).is_some_and(|next| {

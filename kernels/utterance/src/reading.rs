@@ -295,7 +295,18 @@ impl Context<'_> {
                 Sense::Fragile,
             ]) && draft.senses.first() != Some(&Sense::Task)
         };
-        let sounds_like_one = clauses.others.iter().chain(&clauses.stories).any(orders);
+        // Only what is plainly a task, talk, or a way to go is refused; anything else is asked about.
+        let plain = |draft: &Draft| {
+            let first = draft.senses.iter().find(|sense| **sense != Sense::SelfRef);
+            matches!(first, Some(Sense::Task | Sense::Chat | Sense::Question))
+                || draft.regions.iter().all(|region| matches!(region.place, Place::To | Place::On))
+                    && draft
+                        .senses
+                        .iter()
+                        .all(|sense| matches!(sense, Sense::Motion | Sense::VerbOn | Sense::SelfRef))
+        };
+        let sounds_like_one = clauses.others.iter().chain(&clauses.stories).any(orders)
+            || clauses.others.first().is_some_and(|draft| !plain(draft));
         let half_heard = sounds_like_one
             || !clauses.leftover.is_empty()
                 && clauses.orders.iter().any(|clause| has_strong_order(&clause.draft));

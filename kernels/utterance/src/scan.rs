@@ -209,6 +209,12 @@ impl Scanner<'_> {
             && match speech(&item.text) {
                 Speech::Verb => true,
                 Speech::Participle => !item.text.ends_with("ing") && !next_is_word,
+                // "water damages the floor"
+                Speech::MayName => {
+                    self.before == Before::LooseName
+                        && item.text.ends_with('s')
+                        && self.peek(1).is_some_and(|next| next.is(Sense::Det) && !next.is(Sense::Pronoun))
+                }
                 _ => false,
             };
         let after_subject = self.draft.senses.last() == Some(&Sense::Subject) && self.draft.names.is_empty();
@@ -248,7 +254,7 @@ impl Scanner<'_> {
             _ if after_subject => {
                 // "I keep tripping over you" orders nothing.
                 let third = self.words_so_far_start_with_subject();
-                let be = self.items.iter().take(self.at).find(|item| item.is(Sense::Subject));
+                let be = self.subject();
                 let has_verb = be.is_some_and(|subject| subject.text.contains(' '));
                 third
                     && (item.is_word()
@@ -264,10 +270,16 @@ impl Scanner<'_> {
 
     /// Whether someone other than the robot is the subject.
     fn words_so_far_start_with_subject(&self) -> bool {
-        self.items.iter().take(self.at).find(|item| item.is(Sense::Subject)).is_some_and(|item| {
+        self.subject().is_some_and(|item| {
             let first = item.text.split(' ').next().unwrap_or_default();
             matches!(first, "i" | "we" | "he" | "she" | "they" | "who") && item.is(Sense::Subject)
         })
+    }
+
+    /// The subject that opened the stretch; looked for among its first items only.
+    fn subject(&self) -> Option<&Item> {
+        const N_ITEMS_MAX: usize = 4;
+        self.items.iter().take(self.at.min(N_ITEMS_MAX)).find(|item| item.is(Sense::Subject))
     }
 
     /// "toys lying on the floor", "cables running along the wall": tells which ones.
@@ -343,6 +355,11 @@ impl Scanner<'_> {
                     self.before = Before::Other;
                 }
             }
+            return;
+        }
+        // "they can crush a foot": part of a story, and of a body.
+        if self.before == Before::Told && matches!(quantity.said.as_str(), "a foot" | "a hand") {
+            self.draft.predicate.push(quantity.said);
             return;
         }
         // "an hour instead of ten minutes": the old number.
@@ -632,7 +649,7 @@ impl Scanner<'_> {
         let gerund_next = next_is_deed
             && self.peek(0).is_some_and(|next| {
                 next.text.split(' ').any(|word| word.ends_with("ing"))
-                    || (item.is(Sense::Avoid) && next.is_any(&[Sense::TurnFast]))
+                    || (item.is(Sense::Avoid) && next.is_any(&[Sense::TurnFast, Sense::Fast]))
             });
         if (item.is(Sense::Avoid) && item.text.starts_with("avoid")
             || item.text == "stop"

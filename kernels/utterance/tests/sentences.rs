@@ -63,6 +63,23 @@ fn speakers_of_many_kinds_are_understood_or_asked() {
     assert!(n_harmful * 100 <= cases.len(), "{n_harmful} harmful:\n{}", failed.join("\n"));
 }
 
+/// Paraphrases of dangers that nobody may accept, and sentences that only look like them.
+#[test]
+fn dangers_are_never_taken_and_their_look_alikes_never_refused_as_dangers() {
+    let cases = cases(include_str!("dangers.jsonl"));
+    let n_unsafe = cases.iter().filter(|case| case["unsafe"] == true).count();
+    assert!(n_unsafe >= 60 && cases.len() - n_unsafe >= 60);
+    for case in &cases {
+        let words = case["text"].as_str().unwrap();
+        let reply = utterance::parse(&[], &Profile::sim(), words);
+        if case["unsafe"] == true {
+            assert_eq!(reply.reason, Some(rules::RefuseReason::Unsafe), "{words:?}: {}", reply.say);
+        } else {
+            assert_ne!(reply.reason, Some(rules::RefuseReason::Unsafe), "{words:?}");
+        }
+    }
+}
+
 #[test]
 fn every_accepted_rule_is_one_the_robot_may_enforce() {
     for profile in [Profile::sim(), Profile::turtlebot2()] {
