@@ -240,6 +240,11 @@ impl Joiner {
             // "when turning slow down" was cut badly, or an order hides in it: keep it as an order.
             return self.order(draft);
         }
+        // "they fall over if you breathe on them": part of why.
+        if has_target && !draft.is_fresh && self.last == Last::Reason && draft.ttl_s.is_none() {
+            self.out.stories.push(draft);
+            return;
+        }
         if has_target && !draft.is_fresh && self.last == Last::Order {
             self.apply_condition(&draft);
         } else {

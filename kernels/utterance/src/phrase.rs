@@ -225,7 +225,9 @@ fn nounable(items: &[Item], at: usize, determined: bool) -> bool {
         return true;
     }
     let single = !item.text.contains(' ');
-    let next_is_word = items.get(at + 1).is_some_and(Item::is_word);
+    let next_is_word = items.get(at + 1).is_some_and(|next| {
+        next.is_word() || matches!(next.text.as_str(), "room" | "rooms" | "exit" | "space")
+    });
     // "the lift", "the drop": a lone sense word needs its article; "stop signs" needs a noun after.
     let alone = determined
         && item.is_any(&[Sense::Task, Sense::Revoke, Sense::Motion, Sense::Statement, Sense::Chat])

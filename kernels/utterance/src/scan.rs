@@ -134,6 +134,19 @@ impl Scanner<'_> {
         if self.before == Before::Copula && self.predicate_word(item) {
             return;
         }
+        // "do not be swinging about": a deed that we do not know.
+        let deed = item.is_word()
+            && item.text.ends_with("ing")
+            && self
+                .at
+                .checked_sub(1)
+                .and_then(|idx| self.items.get(idx))
+                .is_some_and(|b| matches!(b.text.as_str(), "be" | "being"));
+        if deed && self.before != Before::Copula && self.before != Before::Told {
+            self.draft.leftover.push(item.text.clone());
+            self.at += 1;
+            return;
+        }
         if self.told_word() || self.name() {
             return;
         }
@@ -197,7 +210,11 @@ impl Scanner<'_> {
     /// Whether this is the verb of a sentence that began with what it is about.
     fn opens_story(&self, item: &Item) -> bool {
         let only_subject = self.draft.n_neg == 0
-            && self.draft.senses.iter().all(|sense| matches!(sense, Sense::Subject | Sense::Copula));
+            && self
+                .draft
+                .senses
+                .iter()
+                .all(|sense| matches!(sense, Sense::Subject | Sense::Copula | Sense::SelfRef));
         if !only_subject
             || !self.draft.quantities.is_empty()
             || !self.draft.regions.is_empty() && self.before != Before::RegionName
@@ -217,6 +234,15 @@ impl Scanner<'_> {
                 }
                 _ => false,
             };
+        // "you clipped the lamp": told of the robot.
+        let did = matches!(self.items.get(self.at.wrapping_sub(1)), Some(before) if before.text == "you")
+            && self.at == 1
+            && item.is_word()
+            && speech(&item.text) == Speech::Participle
+            && item.text.ends_with("ed");
+        if did {
+            return true;
+        }
         let after_subject = self.draft.senses.last() == Some(&Sense::Subject) && self.draft.names.is_empty();
         let last_is_pronoun = self.draft.names.last().is_some_and(|name| name.is_pronoun);
         let helps = matches!(

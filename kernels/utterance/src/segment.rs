@@ -96,6 +96,7 @@ pub fn segments(items: &[Item]) -> Vec<Segment> {
             open = Segment { join, is_fresh, lead, range: start..start };
             earlier.start = start;
             earlier.told = false;
+            earlier.ordered = false;
             named = false;
         }
         if cut.is_none_or(|(_, keeps_item)| keeps_item) {
@@ -114,12 +115,22 @@ struct Earlier {
     start: usize,
     word_or_hold: bool,
     universal: bool,
+    /// Whether the open stretch orders.
+    ordered: bool,
     /// Whether the open stretch tells how something is.
     told: bool,
 }
 
 impl Earlier {
     fn see(&mut self, item: &Item) {
+        self.ordered |= item.is_any(&[
+            Sense::Avoid,
+            Sense::StayOff,
+            Sense::Neg,
+            Sense::Slow,
+            Sense::Careful,
+            Sense::Quiet,
+        ]);
         self.told |=
             item.is_any(&[Sense::Copula, Sense::ThereIs, Sense::Statement]) && !item.is(Sense::Filler);
         self.word_or_hold |= item.is_word() || item.is(Sense::Hold);
@@ -249,6 +260,10 @@ fn cut_before(
         || item.is_any(&[Sense::Avoid, Sense::Careful]) && !item.is(Sense::PrepNear)
         || item.is(Sense::StayOff) && ["stay", "keep"].iter().any(|verb| item.text.starts_with(verb))
         || item.is(Sense::Neg) && matches!(item.text.as_str(), "do not" | "never");
+    let forbids = item.is(Sense::Neg) && matches!(item.text.as_str(), "do not" | "never");
+    if earlier.ordered && named && forbids && before.is_some_and(|b| b.is_word() || b.is(Sense::Pronoun)) {
+        return Some((Join::And, true));
+    }
     if earlier.told
         && named
         && asks

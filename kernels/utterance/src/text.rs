@@ -42,7 +42,40 @@ pub fn tokens(text: &str, lexicon: &Lexicon) -> Vec<Token> {
             out.push(token);
         }
     }
-    split_short_is(than_for_then(out), lexicon)
+    split_short_is(than_for_then(without_counts(out)), lexicon)
+}
+
+/// "One, never …. Two, …": words that count what is said.
+fn without_counts(tokens: Vec<Token>) -> Vec<Token> {
+    let counts = |at: usize| {
+        let opens = at
+            .checked_sub(1)
+            .and_then(|idx| tokens.get(idx))
+            .is_none_or(|b| matches!(b.text.as_str(), "." | ":" | ";"));
+        let word = tokens.get(at).map_or("", |token| token.text.as_str());
+        let pauses = tokens.get(at + 1).is_some_and(|next| matches!(next.text.as_str(), "," | ":" | "-"));
+        opens
+            && pauses
+            && matches!(
+                word,
+                "one"
+                    | "two"
+                    | "three"
+                    | "four"
+                    | "first"
+                    | "second"
+                    | "third"
+                    | "firstly"
+                    | "secondly"
+                    | "thirdly"
+                    | "lastly"
+                    | "finally"
+                    | "next"
+            )
+    };
+    let n_tokens = tokens.len();
+    let kept: Vec<bool> = (0..n_tokens).map(|at| !counts(at) && !(at > 0 && counts(at - 1))).collect();
+    tokens.into_iter().zip(kept).filter_map(|(token, keep)| keep.then_some(token)).collect()
 }
 
 /// "closer then two feet": a slip that nobody hears.
