@@ -14,6 +14,8 @@ pub struct Clause {
     pub antecedents: Vec<Name>,
     /// Names mentioned before it as places; what "there" and "on it" may mean.
     pub places: Vec<Name>,
+    /// Names mentioned before it as where something is; what "there" means.
+    pub spots: Vec<Name>,
     /// Names told of together before it: what "them" and "both" mean.
     pub group: Vec<Name>,
     /// Whether its place came from a condition said before it.

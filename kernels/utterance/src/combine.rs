@@ -34,6 +34,8 @@ struct Joiner {
     out: Clauses,
     mentioned: Vec<Name>,
     mentioned_places: Vec<Name>,
+    /// The same, and where things were said to be: what "there" means.
+    mentioned_spots: Vec<Name>,
     /// A condition waiting for its order.
     condition: Option<Draft>,
     /// Places or names waiting for their order ("in the kitchen, …").
@@ -83,6 +85,18 @@ impl Joiner {
         // A statement with nothing to heed in it, or a task: told, not ordered.
         let told = (is_story(&draft) || does_something(&draft)) && !is_order(&draft);
         let mut draft = draft;
+        // "1 m/s in the aisle, .4 in the yard": the same unit.
+        let after_speed = self.last == Last::Order
+            && matches!(draft.join, Some(Join::Comma | Join::And | Join::But))
+            && self.out.orders.last().is_some_and(|clause| {
+                clause.draft.quantity(Kind::Speed).is_some()
+                    && clause.draft.quantity(Kind::Distance).is_none()
+            });
+        if after_speed && !draft.has_any(&[Sense::Away, Sense::From, Sense::Turn]) {
+            for quantity in draft.quantities.iter_mut().filter(|quantity| quantity.kind == Kind::Bare) {
+                quantity.kind = Kind::Speed;
+            }
+        }
         // "5 km/h, no, 3 km/h": which of the two?
         let corrects = ["no ", "sorry ", "i mean ", "rather ", "actually "]
             .iter()
@@ -153,8 +167,8 @@ impl Joiner {
         let real = |name: &&Name| !name.is_pronoun;
         let governed: Vec<Name> =
             draft.regions.iter().flat_map(|region| &region.names).filter(real).cloned().collect();
-        self.mentioned_places.extend(draft.whereabouts.iter().cloned());
         self.mentioned_places.extend(governed.iter().cloned());
+        self.mentioned_spots.extend(governed.iter().chain(&draft.whereabouts).cloned());
         // "the dog, he sleeps on his bed": what he is about stays the likelier.
         let goes_on = is_story(draft)
             && (draft.has(Sense::Subject) || draft.names.iter().any(|name| name.is_pronoun))
@@ -184,7 +198,7 @@ impl Joiner {
 
     /// What was said long before is meant by no pronoun; and the work stays linear in the words.
     fn forget_old_mentions(&mut self) {
-        for names in [&mut self.mentioned, &mut self.mentioned_places] {
+        for names in [&mut self.mentioned, &mut self.mentioned_places, &mut self.mentioned_spots] {
             names.drain(..names.len().saturating_sub(N_MENTIONS_MAX));
         }
     }
@@ -316,6 +330,7 @@ impl Joiner {
         self.take_back_reason(&draft);
         let antecedents = self.mentioned.clone();
         let places = self.mentioned_places.clone();
+        let spots = self.mentioned_spots.clone();
         self.mention(&draft);
         if draft.regions.is_empty() && draft.names.is_empty() && !draft.has(Sense::Everywhere) {
             draft.regions.append(&mut self.waiting_regions);
@@ -348,6 +363,7 @@ impl Joiner {
             draft,
             antecedents,
             places,
+            spots,
             group: self.group.clone(),
             notes: self.note.take().into_iter().collect(),
             is_conditioned: false,

@@ -207,7 +207,20 @@ fn revoke(draft: &Draft, active: &[Rule]) -> Result<Change, Trouble> {
         if draft.words.starts_with("ignore") && !active.iter().any(|rule| wanted(&rule)) {
             return Err(Trouble::Ask("Which rule do you mean?".into()));
         }
-        return Ok(revoked(active.iter().filter(wanted).map(|rule| rule.id.clone()).collect()));
+        let found: Vec<&Rule> = active.iter().filter(wanted).collect();
+        // "drop the rack one", of a server rack and a pallet rack.
+        let one = named.iter().all(|name| name.reference != name.obj || !name.reference.ends_with('s'))
+            && !named.iter().any(|name| name.is_universal);
+        let kinds =
+            found.iter().map(|rule| rule.obj.as_str()).collect::<std::collections::BTreeSet<_>>().len();
+        if one
+            && named.len() == 1
+            && kinds > 1
+            && !named.iter().any(|name| found.iter().any(|rule| rule.obj == name.obj))
+        {
+            return Err(which(active));
+        }
+        return Ok(revoked(found.iter().map(|rule| rule.id.clone()).collect()));
     }
     if draft.has_any(&[Sense::SpeedNoun, Sense::Slow]) {
         return Ok(revoked(

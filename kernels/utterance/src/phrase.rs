@@ -79,7 +79,9 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
                                 || item.text.ends_with("ing")
                                     && items.get(idx + 1).is_some_and(Item::is_word))),
                 ))
-            || (idx > words_start && !item.is_word() && inside(items, idx));
+            || (idx > words_start
+                && !item.is_word()
+                && (inside(items, idx) || determined && item.is(Sense::Task) && !item.text.contains(' ')));
         if !takes || idx - words_start >= WORDS_MAX {
             break;
         }

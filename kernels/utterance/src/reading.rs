@@ -293,7 +293,7 @@ impl Context<'_> {
                 Sense::Quiet,
                 Sense::OffLimits,
                 Sense::Fragile,
-            ]) && draft.senses.first() != Some(&Sense::Task)
+            ]) && !matches!(draft.senses.first(), Some(Sense::Task | Sense::Question))
         };
         // Only what is plainly a task, talk, or a way to go is refused; anything else is asked about.
         let plain = |draft: &Draft| {

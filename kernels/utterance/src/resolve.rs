@@ -123,8 +123,7 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
         })
     });
     let mut own: Option<Name> = None;
-    let is_place = |name: &&Name| Nouns::get().is_place(&name.obj);
-    let place = clause.places.iter().rev().find(is_place).or(clause.places.last()).cloned();
+    let place = clause.places.last().cloned();
     let onto = draft
         .regions
         .iter_mut()
@@ -136,7 +135,8 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
             .antecedents
             .last()
             .filter(|subject| !name.reference.contains("there") && !Nouns::get().is_living(&subject.obj));
-        if let Some(meant) = subject.filter(|_| name.reference == "it").or(place.as_ref()) {
+        let spot = clause.spots.last().filter(|_| name.reference.contains("there"));
+        if let Some(meant) = subject.filter(|_| name.reference == "it").or(spot).or(place.as_ref()) {
             *name = meant.clone();
         }
     }
@@ -146,7 +146,7 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
             own = Some(name.clone());
             continue;
         }
-        let there = if name.reference.ends_with("there") { place.clone() } else { None };
+        let there = clause.spots.last().filter(|_| name.reference.ends_with("there")).cloned();
         match own.clone().or(there).or_else(|| earlier.clone()) {
             Some(referent) => *name = referent,
             None => return Err(Trouble::Ask(format!("What do you mean by \"{}\"?", name.reference))),
@@ -206,7 +206,7 @@ fn meant_by<'a>(pronoun: &str, names: &'a [Name]) -> Option<&'a Name> {
         "them" | "those" | "these" | "they" => is_plural(name) || nouns.is_living(&name.obj),
         _ => true,
     };
-    let any = !matches!(pronoun, "it");
+    let any = !matches!(pronoun, "it" | "him" | "her");
     names.iter().rev().find(agrees).or_else(|| names.last().filter(|_| any))
 }
 

@@ -271,6 +271,13 @@ impl Scanner<'_> {
         let takes_time = matches!(item.text.as_str(), "needs" | "need" | "takes" | "take")
             && matches!(self.peek(1).map(|next| &next.sort), Some(Sort::Quantity(q)) if q.kind == Kind::Duration);
         match self.before {
+            // "visitors keep leaving bags there"
+            Before::LooseName
+                if matches!(item.text.as_str(), "keep" | "keeps" | "kept")
+                    && self.peek(1).is_some_and(|next| next.text.ends_with("ing")) =>
+            {
+                true
+            }
             Before::LooseName if done_by_it || takes_time => true,
             Before::LooseName if last_is_pronoun => {
                 verb || helps || item.is_word() && item.text.ends_with('s') || item.is(Sense::Hold)
@@ -329,6 +336,8 @@ impl Scanner<'_> {
         };
         let orders = self.draft.senses.iter().any(|sense| !matches!(sense, Sense::Subject | Sense::Copula))
             || self.draft.n_neg > 0;
+        // "when it is me standing in the hallway": where, not which.
+        let orders = orders && !(self.draft.join == Some(Join::If) && self.draft.has(Sense::Copula));
         let more = self.peek(1).is_some_and(|next| !next.is_any(&ORDERS) && !next.is(Sense::Copula));
         if !(single && participle && orders && more) {
             return;

@@ -188,6 +188,14 @@ fn raw_tokens(text: &str) -> Vec<Token> {
         let c = chars[at];
         if c.is_ascii_digit() || (c == '.' && digit_at(&chars, at + 1) && !digit_before(&chars, at)) {
             at = number_end(&chars, at);
+            // "3rd floor": an ordinal names.
+            let ending: String = chars.iter().skip(at).take(2).collect();
+            let ends = chars.get(at + 2).is_none_or(|c| !c.is_alphanumeric());
+            if ends && matches!(ending.as_str(), "st" | "nd" | "rd" | "th") {
+                at += 2;
+                out.push(Token { text: word_text(&chars[start..at]), glued });
+                continue;
+            }
             out.push(Token { text: number_text(&chars[start..at]), glued });
         } else if c.is_alphabetic() || c == '°' {
             at = word_end(&chars, at);
