@@ -202,10 +202,18 @@ fn meant_by<'a>(pronoun: &str, names: &'a [Name]) -> Option<&'a Name> {
     let nouns = Nouns::get();
     let agrees = |name: &&Name| match pronoun {
         "it" | "that" | "this" | "there" | "here" => !nouns.is_someone(&name.obj),
-        "him" | "her" => nouns.is_living(&name.obj) || nouns.is_someone(&name.obj),
+        // Anyone may have a name that we do not know; a table has none.
+        "him" | "her" => {
+            nouns.is_living(&name.obj) || !nouns.knows(name.obj.rsplit(' ').next().unwrap_or_default())
+        }
         "them" | "those" | "these" | "they" => is_plural(name) || nouns.is_living(&name.obj),
         _ => true,
     };
+    if matches!(pronoun, "him" | "her")
+        && let Some(someone) = names.iter().rev().find(|name| nouns.is_living(&name.obj))
+    {
+        return Some(someone);
+    }
     let any = !matches!(pronoun, "it" | "him" | "her");
     names.iter().rev().find(agrees).or_else(|| names.last().filter(|_| any))
 }

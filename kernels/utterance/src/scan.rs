@@ -506,7 +506,9 @@ impl Scanner<'_> {
                     || next.is_any(&[Sense::Fine, Sense::Statement, Sense::Sleeping])
             })
         {
-            self.draft.predicate.push(item.text.clone());
+            let verb = self.peek(0).map_or_else(String::new, |next| next.text.clone());
+            self.draft.predicate.extend([item.text.clone(), verb]);
+            self.at += 1;
             self.before = Before::Told;
             return true;
         }

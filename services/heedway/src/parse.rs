@@ -144,6 +144,8 @@ fn parse_line(
 
 #[cfg(test)]
 mod tests {
+    use heedway_language::admission::clarify;
+
     use super::*;
 
     /// What cannot be read of a text, and the answers to the rest; each answer says what it was asked, and under

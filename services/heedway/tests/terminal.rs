@@ -78,6 +78,7 @@ async fn a_question_is_asked_and_a_number_answers_it() {
         person.reads("0.6096");
         person.leaves()
     });
+    println!("{}", asked.1);
     assert_eq!(asked.0, Some(0), "{}", asked.1);
     assert!(asked.1.contains("table"), "{}", asked.1);
     let left = tokio::task::block_in_place(|| {
