@@ -4,7 +4,7 @@
 //! each to the safe side, so that what is read back is exactly what holds.
 
 use crate::lexicon::Lexicon;
-use crate::number::{fraction_word, number_at};
+use crate::number::{fraction_word, is_number_word, number_at};
 use crate::text::{Token, tokens};
 
 /// What a number measures.
@@ -190,7 +190,35 @@ fn word(tokens: &[Token], at: usize) -> &str {
 }
 
 fn measured(tokens: &[Token], at: usize, bare_unit: BareUnit) -> Option<Quantity> {
+    // Most words open no number: they are told apart first, since this is asked of every word.
+    if !may_open(word(tokens, at)) {
+        return None;
+    }
     fraction_of_speed(tokens, at).or_else(|| compound(tokens, at)).or_else(|| bare(tokens, at, bare_unit))
+}
+
+/// Whether a measured number can begin with this word.
+fn may_open(word: &str) -> bool {
+    word.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+        || matches!(
+            word,
+            "a" | "an"
+                | "one"
+                | "another"
+                | "single"
+                | "full"
+                | "point"
+                | "oh"
+                | "o"
+                | "minus"
+                | "negative"
+                | "arm's"
+                | "arms"
+                | "arm"
+                | "hour"
+        )
+        || is_number_word(word)
+        || fraction_word(word).is_some()
 }
 
 /// "half speed", "a quarter of your top speed", "30 percent".

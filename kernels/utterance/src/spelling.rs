@@ -69,12 +69,13 @@ fn noun_for(word: &str) -> Option<String> {
 }
 
 fn trigger_for(word: &str) -> Option<String> {
-    let first = word.chars().next();
-    let mut close = Lexicon::get().spellings().iter().filter(|known| {
-        known.len().abs_diff(word.len()) <= 1
-            && known.chars().next() == first
-            && osa_distance(word, known) == 1
-    });
+    // They are sorted: those with the same first letter stand together.
+    let first = word.chars().next()?;
+    let all = Lexicon::get().spellings();
+    let start = all.partition_point(|known| known.chars().next() < Some(first));
+    let same_letter = all.iter().skip(start).take_while(|known| known.starts_with(first));
+    let mut close =
+        same_letter.filter(|known| known.len().abs_diff(word.len()) <= 1 && osa_distance(word, known) == 1);
     let found = close.next()?;
     // Two candidates are a guess, unless they are forms of one word.
     let same_word = close.all(|other| other.starts_with(found.as_str()) || found.starts_with(other.as_str()));
