@@ -1,47 +1,16 @@
 //! Noun phrases: where a name starts and ends among the items.
 
-use crate::item::{Item, Sort};
+mod part;
+
+use crate::item::Item;
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
-use crate::speech::{Speech, speech};
+use part::{inside, nounable, word_fits};
 
 /// Most words in a name. More is a sentence that we failed to read, and is asked about.
 const WORDS_MAX: usize = 6;
 /// Most determiners before a name: "all of the other …".
 const DETS_MAX: usize = 4;
-
-/// Senses that may also be a word in a name: "the stop sign", "the play mat".
-const NOUNABLE: [Sense; 29] = [
-    Sense::Task,
-    Sense::Halt,
-    Sense::Motion,
-    Sense::Turn,
-    Sense::TurnFast,
-    Sense::Dampen,
-    Sense::Revoke,
-    Sense::Statement,
-    Sense::Fast,
-    Sense::Hold,
-    Sense::StayOff,
-    Sense::Away,
-    Sense::SideLeft,
-    Sense::SideRight,
-    Sense::Fragile,
-    Sense::Closed,
-    Sense::Sleeping,
-    Sense::OffLimits,
-    Sense::Fine,
-    Sense::Quiet,
-    Sense::SelfRef,
-    Sense::Slow,
-    Sense::Crawl,
-    Sense::Chat,
-    Sense::VerbOn,
-    Sense::VerbTouch,
-    Sense::Wide,
-    Sense::Attention,
-    Sense::VerbLeave,
-];
 
 /// The name that starts at `at`, and its items.
 ///
@@ -147,166 +116,6 @@ fn inner_words(items: &[Item], at: usize) -> Option<(Vec<&str>, usize)> {
     } else {
         Some((items[start..idx].iter().flat_map(|item| item.text.split(' ')).collect(), idx - at))
     }
-}
-
-/// Whether a word without a sense belongs to the name: verbs end it, participles need a noun after them.
-fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
-    let Some(item) = items.get(at) else { return false };
-    // Never part of a name, whatever follows.
-    if matches!(
-        item.text.as_str(),
-        "than" | "else" | "ago" | "per" | "via" | "despite" | "versus" | "unlike" | "lot" | "sake"
-    ) {
-        return false;
-    }
-    // "water damages the floor": two names need something between them, so this is the verb.
-    let article_next = items.get(at + 1).is_some_and(|next| next.is(Sense::Det) && !next.is(Sense::Pronoun));
-    if at > words_start && article_next && item.text.ends_with('s') {
-        return false;
-    }
-    let next_is_name = items.get(at + 1).is_some_and(|next| {
-        next.is_word() && speech(&next.text) != Speech::Verb
-            || matches!(next.text.as_str(), "room" | "rooms" | "left" | "right" | "stand" | "space")
-    });
-    match speech(&item.text) {
-        Speech::MayName | Speech::Adjective => true,
-        Speech::Verb => false,
-        Speech::Adverb => next_is_name,
-        Speech::Participle => {
-            // "people walking dogs": of the people, not of the dogs.
-            let before = items.get(at.wrapping_sub(1)).filter(|_| at > words_start);
-            let tells = item.text.ends_with("ing")
-                && before.is_some_and(|b| {
-                    b.is_word() && (b.text.ends_with('s') || Nouns::get().is_living(&b.text))
-                });
-            let is_gerund = at == words_start
-                && item.text.ends_with("ing")
-                && at.checked_sub(1).and_then(|idx| items.get(idx)).is_none_or(|b| b.is(Sense::Det));
-            let kind_of_room = items.get(at + 1).is_some_and(|next| {
-                Nouns::get().is_place(&next.text) || matches!(next.text.as_str(), "room" | "rooms")
-            });
-            next_is_name && (!tells || kind_of_room) || is_gerund
-        }
-    }
-}
-
-/// Whether a word with another sense may open a name here.
-fn nounable(items: &[Item], at: usize, determined: bool) -> bool {
-    let Some(item) = items.get(at) else { return false };
-    if item.is_word() {
-        return true;
-    }
-    let numbered = items
-        .get(at + 1)
-        .is_some_and(|next| next.is_word() && next.text.starts_with(|c: char| c.is_ascii_digit()));
-    if numbered && matches!(item.text.as_str(), "room" | "rooms" | "dock" | "exit" | "line" | "stop") {
-        return true;
-    }
-    let ok_sense = item.is_any(&NOUNABLE)
-        && !item.is_any(&[
-            Sense::Pronoun,
-            Sense::Det,
-            Sense::Neg,
-            Sense::Everywhere,
-            Sense::AllRules,
-            Sense::Last,
-            Sense::OneOf,
-            Sense::RuleNoun,
-            Sense::SpeedNoun,
-            Sense::NormalSpeed,
-            Sense::PrepNear,
-            Sense::PrepBehind,
-            Sense::Slower,
-            Sense::Faster,
-            Sense::Wider,
-            Sense::Closer,
-        ]);
-    let other_robot = item.is(Sense::SelfRef)
-        && at.checked_sub(1).and_then(|idx| items.get(idx)).is_some_and(|det| det.text.ends_with("other"));
-    if other_robot || determined && matches!(item.text.as_str(), "room" | "rooms" | "exit") {
-        return true;
-    }
-    let single = !item.text.contains(' ');
-    let next_is_word = items.get(at + 1).is_some_and(|next| {
-        next.is_word() || matches!(next.text.as_str(), "room" | "rooms" | "exit" | "space")
-    });
-    // "the lift", "the drop": a lone sense word needs its article; "stop signs" needs a noun after.
-    let alone = determined
-        && item.is_any(&[Sense::Task, Sense::Revoke, Sense::Motion, Sense::Statement, Sense::Chat])
-        && !item.is_any(&[Sense::Halt]);
-    determined && ok_sense && single && (next_is_word || alone)
-}
-
-/// Whether a word with another sense continues a name: "hospital waiting room".
-fn inside(items: &[Item], at: usize) -> bool {
-    let Some(item) = items.get(at) else { return false };
-    let next_is_word = items.get(at + 1).is_some_and(Item::is_word);
-    // "tv stand", "dog run": a verb by itself cannot end an order that has a name before it.
-    let ends = items.get(at + 1).is_none_or(|next| {
-        next.is_any(&[Sense::Copula, Sense::And, Sense::Or, Sense::PrepOn, Sense::PrepNear])
-            || next.sort == Sort::Mark
-    });
-    let before = at.checked_sub(1).and_then(|idx| items.get(idx));
-    if item.text == "can" && before.is_some_and(|word| Nouns::get().has_can(&word.text)) {
-        return true;
-    }
-    // These are nouns whenever a word stands before them.
-    if matches!(item.text.as_str(), "room" | "rooms" | "dock" | "exit" | "space" | "spaces") {
-        return true;
-    }
-    if ends
-        && matches!(
-            item.text.as_str(),
-            "stand"
-                | "run"
-                | "drive"
-                | "park"
-                | "lift"
-                | "feed"
-                | "water"
-                | "ride"
-                | "drop"
-                | "guard"
-                | "call"
-                | "order"
-                | "visit"
-                | "brake"
-                | "brakes"
-                | "watch"
-                | "hold"
-                | "press"
-                | "reach"
-                | "cross"
-                | "limit"
-                | "limits"
-                | "space"
-                | "clear"
-        )
-    {
-        return true;
-    }
-    item.is_any(&NOUNABLE)
-        && !item.text.contains(' ')
-        && next_is_word
-        && (item.text.ends_with("ing")
-            || matches!(
-                item.text.as_str(),
-                "stop"
-                    | "play"
-                    | "charge"
-                    | "turn"
-                    | "walk"
-                    | "step"
-                    | "run"
-                    | "wheel"
-                    | "order"
-                    | "water"
-                    | "dry"
-                    | "feed"
-                    | "call"
-                    | "wash"
-            ))
-        && !item.is_any(&[Sense::PrepNear, Sense::PrepOn])
 }
 
 fn pronoun(items: &[Item], at: usize) -> Option<(Name, usize)> {
