@@ -5,16 +5,17 @@
 
 mod fragment;
 mod join;
+mod order;
 mod story;
 
-use crate::clause::{Clause, Clauses, has_strong_order, is_limit, is_order, is_other, is_story};
+use crate::clause::{Clause, Clauses, has_strong_order, is_order, is_other, is_story};
 use crate::condition::apply;
-use crate::draft::{Draft, Place, Region};
+use crate::draft::{Draft, Region};
 use crate::lexicon::Sense;
 use crate::noun::Name;
 use crate::quantity::{Bound, Kind};
 use crate::segment::Join;
-use story::{does_something, is_cry, is_same_name, is_told};
+use story::{does_something, is_cry};
 
 /// Most names that a pronoun may mean. Chosen: people point back one sentence, not ten.
 const N_MENTIONS_MAX: usize = 8;
@@ -161,142 +162,6 @@ impl Joiner {
         } else {
             self.fragment(draft);
         }
-    }
-
-    fn order(&mut self, mut draft: Draft) {
-        // "every rug but not the blue one"
-        let lets_off = matches!(draft.join, Some(Join::But))
-            && draft.n_neg == 1
-            && draft.senses.is_empty()
-            && draft.regions.is_empty()
-            && draft.quantities.is_empty();
-        let last_allows =
-            self.out.orders.last().is_some_and(|clause| clause.draft.has_any(&[Sense::Allow, Sense::Fine]));
-        if lets_off && last_allows && !draft.names.is_empty() {
-            // "you may enter the office but not the server room"
-            // "but not the glass one": of the tables.
-            let kind = self.out.orders.last().and_then(|clause| clause.draft.all_names().last().cloned());
-            for name in draft
-                .names
-                .iter_mut()
-                .filter(|name| name.reference.ends_with(" one") || name.reference.ends_with(" ones"))
-            {
-                if let Some(kind) = &kind {
-                    name.obj.clone_from(&kind.obj);
-                    name.reference = format!(
-                        "{} {}",
-                        name.reference.rsplit_once(' ').map_or("", |(look, _)| look),
-                        kind.obj
-                    );
-                }
-            }
-            let place = self
-                .out
-                .orders
-                .last()
-                .and_then(|clause| clause.draft.regions.first())
-                .map_or(Place::On, |r| r.place);
-            draft.regions.push(Region { place, names: std::mem::take(&mut draft.names) });
-            draft.senses.push(Sense::Motion);
-        } else if let (true, Some(clause)) = (lets_off && !draft.names.is_empty(), self.out.orders.last_mut())
-        {
-            clause.draft.except.append(&mut draft.names);
-            return;
-        }
-        // "keep a metre from the lamp, it falls over easily": why, not a second order.
-        let why =
-            is_told(&draft)
-                && self.last == Last::Order
-                && (draft.all_names().all(|name| name.is_pronoun)
-                    || self.out.orders.last().is_some_and(|clause| is_same_name(&clause.draft, &draft)))
-                && self.out.orders.last().is_some_and(|clause| {
-                    !is_told(&clause.draft) && clause.draft.all_names().next().is_some()
-                });
-        if why {
-            self.out.stories.push(draft);
-            return;
-        }
-        self.take_back_reason(&draft);
-        let antecedents = self.mentioned.clone();
-        let places = self.mentioned_places.clone();
-        let spots = self.mentioned_spots.clone();
-        self.mention(&draft);
-        if draft.regions.is_empty() && draft.names.is_empty() && !draft.has(Sense::Everywhere) {
-            draft.regions.append(&mut self.waiting_regions);
-            if draft.regions.is_empty() {
-                draft.names.append(&mut self.waiting_names);
-            }
-        } else if (draft.has(Sense::Copula) || draft.has(Sense::Hold) && !draft.quantities.is_empty())
-            && matches!(draft.join, Some(Join::And | Join::Or))
-            && self.last == Last::Names
-        {
-            // "the kitchen and the bathroom are off limits": one subject.
-            let mut names = std::mem::take(&mut self.waiting_names);
-            names.append(&mut draft.names);
-            draft.names = names;
-        } else if draft.all_names().any(|name| name.is_pronoun) {
-            self.waiting_names.clear();
-            self.waiting_regions.clear();
-        } else if is_limit(&draft) && draft.regions.is_empty() {
-            draft.regions.append(&mut self.waiting_regions);
-        }
-        self.same_place(&mut draft);
-        if draft.join == Some(Join::So) && draft.has(Sense::Everywhere) {
-            // "visitors on site, so half speed everywhere": why.
-            self.waiting_names.clear();
-            self.waiting_regions.clear();
-        }
-        draft.ttl_s = draft.ttl_s.or(self.waiting_ttl_s);
-        draft.except.append(&mut self.waiting_except);
-        let mut clause = Clause {
-            draft,
-            antecedents,
-            places,
-            spots,
-            group: self.group.clone(),
-            notes: self.note.take().into_iter().collect(),
-            is_conditioned: false,
-        };
-        if let Some(condition) = self.condition.take() {
-            clause.is_conditioned = clause.draft.regions.is_empty() && clause.draft.names.is_empty();
-            self.mentioned.extend(condition.all_names().filter(|name| !name.is_pronoun).cloned());
-            self.forget_old_mentions();
-            apply(&mut clause, &condition);
-        }
-        self.about_the_story(&mut clause);
-        // "if you pass the desk, go slow and be quiet": both there.
-        let bare = clause.draft.regions.is_empty()
-            && clause.draft.names.is_empty()
-            && !clause.draft.has(Sense::Everywhere);
-        // "slow down near the racks and turn gently": both near the racks.
-        let turns = |draft: &Draft| {
-            draft.has_any(&[Sense::TurnSlow, Sense::Turn, Sense::TurnFast])
-                || draft.quantity(Kind::TurnRate).is_some()
-        };
-        let other_limit = self.out.orders.last().filter(|last| {
-            self.last == Last::Order
-                && bare
-                && matches!(clause.draft.join, Some(Join::And | Join::Comma | Join::But))
-                && is_limit(&last.draft)
-                && is_limit(&clause.draft)
-                && turns(&last.draft) != turns(&clause.draft)
-        });
-        if let Some(last) = other_limit {
-            clause.draft.regions.clone_from(&last.draft.regions);
-            clause.draft.names.clone_from(&last.draft.names);
-            let near = last.draft.quantities.iter().filter(|quantity| quantity.kind == Kind::Distance);
-            clause.draft.quantities.extend(near.cloned());
-        }
-        if let (true, Some(last)) = (
-            bare && clause.draft.join == Some(Join::And) && is_limit(&clause.draft),
-            self.out.orders.last().filter(|last| last.is_conditioned && is_limit(&last.draft)),
-        ) {
-            clause.draft.regions.clone_from(&last.draft.regions);
-        }
-        if !self.joined_to_last(&clause) {
-            self.out.orders.push(clause);
-        }
-        self.last = Last::Order;
     }
 
     fn finish(mut self) -> Clauses {

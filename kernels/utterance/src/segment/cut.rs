@@ -33,22 +33,30 @@ pub(super) fn cut_before(
     named: bool,
     earlier: Earlier,
 ) -> Option<(Join, bool)> {
+    match cut_by_link(items, at, earlier) {
+        Some(decided) => decided,
+        None => cut_by_start(items, at, open, is_first, named, earlier),
+    }
+}
+
+/// A cut that a mark or a connector makes, or forbids; none when the item is neither.
+fn cut_by_link(items: &[Item], at: usize, earlier: Earlier) -> Option<Option<(Join, bool)>> {
     let item = &items[at];
     let before = at.checked_sub(1).and_then(|idx| items.get(idx));
     let next = items.get(at + 1);
     if item.text == "," && is_aside(items, at) {
-        return None;
+        return Some(None);
     }
     if item.sort == Sort::Mark {
         let join = if matches!(item.text.as_str(), "," | ":" | "-") { Join::Comma } else { Join::Start };
-        return Some((join, false));
+        return Some(Some((join, false)));
     }
     // Inside a name ("the drop off area") nothing cuts.
     if before.is_some_and(|b| b.is(Sense::Det) && !b.is(Sense::Pronoun)) && !item.is(Sense::Neg) {
-        return None;
+        return Some(None);
     }
     if item.is(Sense::OpenEnded) || item.is(Sense::TimeWords) || item.is(Sense::Except) {
-        return None;
+        return Some(None);
     }
     // "please to avoid the table" orders; "keep back to avoid damage" gives a reason.
     let is_order = item.text == "to avoid" && !earlier.word_or_hold;
@@ -59,16 +67,16 @@ pub(super) fn cut_before(
     });
     let new_number = matches!(next.map(|n| &n.sort), Some(Sort::Quantity(_))) && at + 2 >= items.len();
     if swaps && !new_number && at > earlier.start + 1 && matches!(item.text.as_str(), "with" | "by" | "for") {
-        return Some((Join::And, false));
+        return Some(Some((Join::And, false)));
     }
     if item.is(Sense::Because) && !is_order {
-        return Some((Join::Because, false));
+        return Some(Some((Join::Because, false)));
     }
     if item.is(Sense::So) && !item.is(Sense::Filler) {
-        return Some((Join::So, false));
+        return Some(Some((Join::So, false)));
     }
     if item.is(Sense::Until) {
-        return Some((Join::Until, false));
+        return Some(Some((Join::Until, false)));
     }
     // "should you see a dog" asks for a case; "never should the robot" does not.
     let plain_should =
@@ -77,16 +85,16 @@ pub(super) fn cut_before(
         && !plain_should
         && !(item.text == "once" && next.is_none_or(|n| n.sort == Sort::Mark))
     {
-        return Some((Join::If, false));
+        return Some(Some((Join::If, false)));
     }
     if item.text == "then" && before.is_some_and(|b| b.is(Sense::Until)) {
-        return None;
+        return Some(None);
     }
     if item.is(Sense::And) {
-        return Some((Join::And, false));
+        return Some(Some((Join::And, false)));
     }
     if item.is(Sense::Or) {
-        return Some((Join::Or, false));
+        return Some(Some((Join::Or, false)));
     }
     if item.is(Sense::But)
         && !(matches!(item.text.as_str(), "only" | "just")
@@ -102,8 +110,23 @@ pub(super) fn cut_before(
         let after_everywhere = item.text == "but"
             && before
                 .is_some_and(|b| b.is_any(&[Sense::Everywhere, Sense::AllRules]) || b.text == "anything");
-        return if universal_exception || after_everywhere { None } else { Some((Join::But, false)) };
+        return Some(if universal_exception || after_everywhere { None } else { Some((Join::But, false)) });
     }
+    None
+}
+
+/// A cut where the grammar starts anew, with nothing that says so.
+fn cut_by_start(
+    items: &[Item],
+    at: usize,
+    open: Join,
+    is_first: bool,
+    named: bool,
+    earlier: Earlier,
+) -> Option<(Join, bool)> {
+    let item = &items[at];
+    let before = at.checked_sub(1).and_then(|idx| items.get(idx));
+    let next = items.get(at + 1);
     // "it also splashes"
     if item.text == "also" && before.is_some_and(|b| b.is_any(&[Sense::Pronoun, Sense::Subject])) {
         return None;
