@@ -13,9 +13,8 @@ use crate::condition::apply;
 use crate::draft::{Draft, Region};
 use crate::lexicon::Sense;
 use crate::noun::Name;
-use crate::quantity::{Bound, Kind};
 use crate::segment::Join;
-use story::{does_something, is_cry};
+use story::{does_something, verb_out_of_names};
 
 /// Most names that a pronoun may mean. Chosen: people point back one sentence, not ten.
 const N_MENTIONS_MAX: usize = 8;
@@ -86,71 +85,20 @@ impl Joiner {
         // A statement with nothing to heed in it, or a task: told, not ordered.
         let told = (is_story(&draft) || does_something(&draft)) && !is_order(&draft);
         let mut draft = draft;
-        // "1 m/s in the aisle, .4 in the yard": the same unit.
-        let after_speed = self.last == Last::Order
-            && matches!(draft.join, Some(Join::Comma | Join::And | Join::But))
-            && self.out.orders.last().is_some_and(|clause| {
-                clause.draft.quantity(Kind::Speed).is_some()
-                    && clause.draft.quantity(Kind::Distance).is_none()
-            });
-        if after_speed && !draft.has_any(&[Sense::Away, Sense::From, Sense::Turn]) {
-            for quantity in draft.quantities.iter_mut().filter(|quantity| quantity.kind == Kind::Bare) {
-                quantity.kind = Kind::Speed;
-            }
-        }
-        // "5 km/h, no, 3 km/h": which of the two?
-        let corrects = ["no ", "sorry ", "i mean ", "rather ", "actually "]
-            .iter()
-            .any(|word| draft.words.starts_with(word))
-            && !draft.quantities.is_empty()
-            && draft
-                .senses
-                .iter()
-                .all(|sense| matches!(sense, Sense::Make | Sense::RuleNoun | Sense::SpeedNoun))
-            && draft.quantities.iter().all(|quantity| quantity.bound == Bound::Plain)
-            && self.last == Last::Order;
+        self.same_unit(&mut draft);
+        let corrects = self.corrects(&draft);
         if corrects {
             self.out.leftover.push(draft.words.clone());
         }
         if told && !draft.leftover.is_empty() {
-            // "the bathroom door opens outwards": the verb went into the name.
-            for name in draft.names.iter_mut().filter(|name| name.n_words > 1) {
-                if let Some((rest, _)) = name.obj.rsplit_once(' ').filter(|_| name.reference.ends_with('s')) {
-                    name.obj = rest.to_owned();
-                    name.reference =
-                        name.reference.rsplit_once(' ').map_or_else(String::new, |(rest, _)| rest.to_owned());
-                }
-            }
+            verb_out_of_names(&mut draft);
         }
         if is_order(&draft)
             && (!draft.has_any(&[Sense::Task, Sense::Chat, Sense::Question]) || has_strong_order(&draft))
         {
             self.order(draft);
         } else if told && !draft.has_any(&[Sense::Chat, Sense::Question, Sense::Task]) {
-            self.mention(&draft);
-            if !draft.quantities.is_empty() {
-                self.out.leftover.push(draft.words.clone());
-            }
-            // "careful! there is lego on the rug": about the lego.
-            if draft.has(Sense::ThereIs)
-                && self.last == Last::Order
-                && let Some(clause) = self.out.orders.last_mut().filter(|clause| is_cry(&clause.draft))
-            {
-                clause.draft.names.extend(draft.names.iter().filter(|name| !name.is_pronoun).cloned());
-            }
-            self.told_ttl_s = draft.ttl_s.or(self.told_ttl_s);
-            let subjects: Vec<Name> = draft.names.iter().filter(|name| !name.is_pronoun).cloned().collect();
-            if matches!(draft.join, Some(Join::And | Join::Comma)) && !subjects.is_empty() {
-                if self.last == Last::Names {
-                    self.group.append(&mut self.waiting_names);
-                }
-                self.group.extend(subjects);
-                self.group.truncate(N_MENTIONS_MAX);
-            } else {
-                self.group = subjects;
-            }
-            self.out.stories.push(draft);
-            self.last = Last::Reason;
+            self.tells(draft);
         } else if is_other(&draft) {
             self.mention(&draft);
             // A task may count its own; elsewhere a number must not vanish.

@@ -6,6 +6,7 @@ use crate::condition::apply;
 use crate::draft::{Draft, Place, Region};
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
+use crate::quantity::{Bound, Kind};
 use crate::segment::Join;
 use crate::speech::{Speech, speech};
 
@@ -41,6 +42,63 @@ impl Joiner {
             self.mentioned.extend(loose);
         }
         self.forget_old_mentions();
+    }
+
+    /// A story: what it is about may be meant later, and its numbers must not vanish.
+    pub(super) fn tells(&mut self, draft: Draft) {
+        self.mention(&draft);
+        if !draft.quantities.is_empty() {
+            self.out.leftover.push(draft.words.clone());
+        }
+        // "careful! there is lego on the rug": about the lego.
+        if draft.has(Sense::ThereIs)
+            && self.last == Last::Order
+            && let Some(clause) = self.out.orders.last_mut().filter(|clause| is_cry(&clause.draft))
+        {
+            clause.draft.names.extend(draft.names.iter().filter(|name| !name.is_pronoun).cloned());
+        }
+        self.told_ttl_s = draft.ttl_s.or(self.told_ttl_s);
+        let subjects: Vec<Name> = draft.names.iter().filter(|name| !name.is_pronoun).cloned().collect();
+        if matches!(draft.join, Some(Join::And | Join::Comma)) && !subjects.is_empty() {
+            if self.last == Last::Names {
+                self.group.append(&mut self.waiting_names);
+            }
+            self.group.extend(subjects);
+            self.group.truncate(N_MENTIONS_MAX);
+        } else {
+            self.group = subjects;
+        }
+        self.out.stories.push(draft);
+        self.last = Last::Reason;
+    }
+
+    /// Bare numbers after a speed take its unit.
+    pub(super) fn same_unit(&self, draft: &mut Draft) {
+        // "1 m/s in the aisle, .4 in the yard": the same unit.
+        let after_speed = self.last == Last::Order
+            && matches!(draft.join, Some(Join::Comma | Join::And | Join::But))
+            && self.out.orders.last().is_some_and(|clause| {
+                clause.draft.quantity(Kind::Speed).is_some()
+                    && clause.draft.quantity(Kind::Distance).is_none()
+            });
+        if after_speed && !draft.has_any(&[Sense::Away, Sense::From, Sense::Turn]) {
+            for quantity in draft.quantities.iter_mut().filter(|quantity| quantity.kind == Kind::Bare) {
+                quantity.kind = Kind::Speed;
+            }
+        }
+    }
+
+    /// Whether it puts right a number that was just said.
+    pub(super) fn corrects(&self, draft: &Draft) -> bool {
+        // "5 km/h, no, 3 km/h": which of the two?
+        ["no ", "sorry ", "i mean ", "rather ", "actually "].iter().any(|word| draft.words.starts_with(word))
+            && !draft.quantities.is_empty()
+            && draft
+                .senses
+                .iter()
+                .all(|sense| matches!(sense, Sense::Make | Sense::RuleNoun | Sense::SpeedNoun))
+            && draft.quantities.iter().all(|quantity| quantity.bound == Bound::Plain)
+            && self.last == Last::Order
     }
 
     /// What was said long before is meant by no pronoun; and the work stays linear in the words.
@@ -254,4 +312,16 @@ pub(super) fn is_cry(draft: &Draft) -> bool {
         && draft.quantities.is_empty()
         && !draft.senses.is_empty()
         && draft.senses.iter().all(|sense| matches!(sense, Sense::Quiet | Sense::Careful | Sense::Attention))
+}
+
+/// A verb that could be a noun, out of the names that it was read into.
+pub(super) fn verb_out_of_names(draft: &mut Draft) {
+    // "the bathroom door opens outwards": the verb went into the name.
+    for name in draft.names.iter_mut().filter(|name| name.n_words > 1) {
+        if let Some((rest, _)) = name.obj.rsplit_once(' ').filter(|_| name.reference.ends_with('s')) {
+            name.obj = rest.to_owned();
+            name.reference =
+                name.reference.rsplit_once(' ').map_or_else(String::new, |(rest, _)| rest.to_owned());
+        }
+    }
 }

@@ -20,33 +20,11 @@ impl Scanner<'_> {
         if follows_name && self.gap_between(item) {
             return true;
         }
-        if let (true, "with", Some((name, n_items))) =
-            (follows_name, item.text.as_str(), noun_phrase(self.items, self.at, true))
-        {
-            self.extend_last_name("with", &name);
-            self.at += n_items;
-            return true;
-        }
-        // "the floor outside bay 3": describes the floor.
-        if let (Before::LooseName | Before::RegionName, "outside" | "outside of", Some((name, n_items))) =
-            (self.before, item.text.as_str(), noun_phrase(self.items, self.at, true))
-        {
-            self.extend_last_name(&item.text, &name);
-            self.at += n_items;
+        if self.describes(item, follows_name) {
             return true;
         }
         let Some(place) = place_of(item) else { return false };
-        // "time to grow", "stay back to let them pass": a purpose, not a place.
-        if place == Place::To
-            && self.peek(0).is_some_and(|next| {
-                next.is_word() && speech(&next.text) == Speech::Verb
-                    || next.is_any(&[Sense::Fine, Sense::Statement, Sense::Sleeping])
-            })
-        {
-            let verb = self.peek(0).map_or_else(String::new, |next| next.text.clone());
-            self.draft.predicate.extend([item.text.clone(), verb]);
-            self.at += 1;
-            self.before = Before::Told;
+        if place == Place::To && self.purpose(item) {
             return true;
         }
         let name_ahead = noun_phrase(self.items, self.at, true);
@@ -57,28 +35,7 @@ impl Scanner<'_> {
             self.at += n_items;
             return true;
         }
-        let number_next = self.peek(0).is_some_and(|next| matches!(next.sort, Sort::Quantity(_)));
-        if place == Place::Near
-            && name_ahead.is_none()
-            && self.before == Before::LooseName
-            && !number_next
-            && item.text != "at"
-        {
-            // "people nearby", "a dog close by": nearness of the robot itself.
-            if let Some(name) = self.draft.names.pop() {
-                self.draft.regions.push(Region { place: Place::Near, names: vec![name] });
-                self.before = Before::RegionName;
-                return true;
-            }
-        }
-        if self.before == Before::Copula
-            && place == Place::Near
-            && name_ahead.is_none()
-            && !self.draft.names.is_empty()
-        {
-            let names = std::mem::take(&mut self.draft.names);
-            self.draft.regions.push(Region { place: Place::Near, names });
-            self.before = Before::RegionName;
+        if place == Place::Near && name_ahead.is_none() && self.nearness(item) {
             return true;
         }
         if item.is(Sense::From)
@@ -103,6 +60,62 @@ impl Scanner<'_> {
             self.draft.senses.push(Sense::Motion);
         }
         true
+    }
+
+    /// "the shelf with the vase", "the floor outside bay 3": more about the name before.
+    fn describes(&mut self, item: &Item, follows_name: bool) -> bool {
+        if let (true, "with", Some((name, n_items))) =
+            (follows_name, item.text.as_str(), noun_phrase(self.items, self.at, true))
+        {
+            self.extend_last_name("with", &name);
+            self.at += n_items;
+            return true;
+        }
+        // "the floor outside bay 3": describes the floor.
+        if let (Before::LooseName | Before::RegionName, "outside" | "outside of", Some((name, n_items))) =
+            (self.before, item.text.as_str(), noun_phrase(self.items, self.at, true))
+        {
+            self.extend_last_name(&item.text, &name);
+            self.at += n_items;
+            return true;
+        }
+        false
+    }
+
+    /// Takes a purpose for no place.
+    fn purpose(&mut self, item: &Item) -> bool {
+        // "time to grow", "stay back to let them pass": a purpose, not a place.
+        if self.peek(0).is_some_and(|next| {
+            next.is_word() && speech(&next.text) == Speech::Verb
+                || next.is_any(&[Sense::Fine, Sense::Statement, Sense::Sleeping])
+        }) {
+            let verb = self.peek(0).map_or_else(String::new, |next| next.text.clone());
+            self.draft.predicate.extend([item.text.clone(), verb]);
+            self.at += 1;
+            self.before = Before::Told;
+            return true;
+        }
+        false
+    }
+
+    /// "people nearby": the names before stand near.
+    fn nearness(&mut self, item: &Item) -> bool {
+        let number_next = self.peek(0).is_some_and(|next| matches!(next.sort, Sort::Quantity(_)));
+        if self.before == Before::LooseName && !number_next && item.text != "at" {
+            // "people nearby", "a dog close by": nearness of the robot itself.
+            if let Some(name) = self.draft.names.pop() {
+                self.draft.regions.push(Region { place: Place::Near, names: vec![name] });
+                self.before = Before::RegionName;
+                return true;
+            }
+        }
+        if self.before == Before::Copula && !self.draft.names.is_empty() {
+            let names = std::mem::take(&mut self.draft.names);
+            self.draft.regions.push(Region { place: Place::Near, names });
+            self.before = Before::RegionName;
+            return true;
+        }
+        false
     }
 
     /// "stop at the line" forbids what lies past it; at anything else it may mean anything.

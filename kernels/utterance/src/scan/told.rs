@@ -122,19 +122,7 @@ impl Scanner<'_> {
         {
             return false;
         }
-        let next_is_word = self.peek(1).is_some_and(Item::is_word);
-        let verb = item.is_word()
-            && match speech(&item.text) {
-                Speech::Verb => true,
-                Speech::Participle => !item.text.ends_with("ing") && !next_is_word,
-                // "water damages the floor"
-                Speech::MayName => {
-                    self.before == Before::LooseName
-                        && item.text.ends_with('s')
-                        && self.peek(1).is_some_and(|next| next.is(Sense::Det) && !next.is(Sense::Pronoun))
-                }
-                _ => false,
-            };
+        let verb = self.is_verb(item);
         // "you clipped the lamp": told of the robot.
         let did = matches!(self.items.get(self.at.wrapping_sub(1)), Some(before) if before.text == "you")
             && self.at == 1
@@ -150,25 +138,7 @@ impl Scanner<'_> {
             item.text.as_str(),
             "will" | "would" | "might" | "could" | "can" | "has" | "had" | "have" | "does" | "did" | "may"
         );
-        // "the vibrations stress the fish", "chairs get pulled out": done by the thing, not by the robot.
-        let deeds = [
-            Sense::Motion,
-            Sense::VerbOn,
-            Sense::VerbNear,
-            Sense::VerbTouch,
-            Sense::VerbPast,
-            Sense::VerbBlock,
-            Sense::VerbWake,
-            Sense::VerbLeave,
-            Sense::Task,
-        ];
-        let done_by_it = self.join != Some(Join::If)
-            && item.is_any(&deeds)
-            && !item.is(Sense::PrepNear)
-            && !item.is(Sense::Copula)
-            && !item.text.ends_with("ing")
-            && self.draft.names.last().is_some_and(|name| !name.is_pronoun)
-            && self.peek(1).is_some_and(|next| !next.is_any(&ORDERS));
+        let done_by_it = self.is_done_by_name(item);
         let takes_time = matches!(item.text.as_str(), "needs" | "need" | "takes" | "take")
             && matches!(self.peek(1).map(|next| &next.sort), Some(Sort::Quantity(q)) if q.kind == Kind::Duration);
         match self.before {
@@ -200,6 +170,46 @@ impl Scanner<'_> {
             }
             _ => false,
         }
+    }
+
+    /// Whether the word is a finite verb here.
+    fn is_verb(&self, item: &Item) -> bool {
+        let next_is_word = self.peek(1).is_some_and(Item::is_word);
+        item.is_word()
+            && match speech(&item.text) {
+                Speech::Verb => true,
+                Speech::Participle => !item.text.ends_with("ing") && !next_is_word,
+                // "water damages the floor"
+                Speech::MayName => {
+                    self.before == Before::LooseName
+                        && item.text.ends_with('s')
+                        && self.peek(1).is_some_and(|next| next.is(Sense::Det) && !next.is(Sense::Pronoun))
+                }
+                _ => false,
+            }
+    }
+
+    /// Whether what is done here is done by the thing before it, not by the robot.
+    fn is_done_by_name(&self, item: &Item) -> bool {
+        // "the vibrations stress the fish", "chairs get pulled out": done by the thing, not by the robot.
+        let deeds = [
+            Sense::Motion,
+            Sense::VerbOn,
+            Sense::VerbNear,
+            Sense::VerbTouch,
+            Sense::VerbPast,
+            Sense::VerbBlock,
+            Sense::VerbWake,
+            Sense::VerbLeave,
+            Sense::Task,
+        ];
+        self.join != Some(Join::If)
+            && item.is_any(&deeds)
+            && !item.is(Sense::PrepNear)
+            && !item.is(Sense::Copula)
+            && !item.text.ends_with("ing")
+            && self.draft.names.last().is_some_and(|name| !name.is_pronoun)
+            && self.peek(1).is_some_and(|next| !next.is_any(&ORDERS))
     }
 
     /// Whether someone other than the robot is the subject.
