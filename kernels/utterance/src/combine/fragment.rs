@@ -11,38 +11,11 @@ use crate::segment::Join;
 impl Joiner {
     /// A stretch without an order, task or story.
     pub(super) fn fragment(&mut self, mut draft: Draft) {
-        // "don't go behind the tv, loads of wires": why.
-        const MANY: [&str; 10] = [
-            "loads ",
-            "lots ",
-            "plenty ",
-            "tons ",
-            "heaps ",
-            "masses ",
-            "too many ",
-            "too much ",
-            "so many ",
-            "full ",
-        ];
-        if self.last == Last::Order
-            && matches!(draft.join, Some(Join::Comma | Join::Start))
-            && draft.senses.is_empty()
-            && draft.quantities.is_empty()
-            && MANY.iter().any(|many| draft.words.starts_with(many))
-        {
+        if self.gives_reason(&draft) {
             self.out.stories.push(draft);
             return;
         }
-        // "play hide and seek", "bring tea and biscuits": more of the task.
-        let of_task = self.last == Last::Other
-            && (matches!(draft.join, Some(Join::And | Join::Or))
-                || draft.join == Some(Join::Comma)
-                    && !draft.words.starts_with("the ")
-                    && self.out.others.last().is_some_and(|other| other.has(Sense::Task)))
-            && draft.quantities.is_empty()
-            && draft.leftover.is_empty()
-            && draft.senses.is_empty();
-        if of_task {
+        if self.goes_on_with_task(&draft) {
             self.out.others.push(draft);
             return;
         }
@@ -76,29 +49,8 @@ impl Joiner {
             }
             return;
         }
-        // "give cyclists 1.5 m and pedestrians 1 m": the same order with another name and number.
-        let one_number = draft.quantities.len() == 1 && draft.senses.is_empty() && draft.n_neg == 0;
-        let kind = draft.quantities.first().map(|quantity| quantity.kind);
-        if self.last == Last::Order
-            && one_number
-            && goes_on
-            && !draft.names.is_empty()
-            && draft.regions.is_empty()
-            && kind == Some(Kind::Distance)
-            && let Some(model) = self.out.orders.last().filter(|clause| {
-                clause.draft.quantity(Kind::Distance).is_some()
-                    && !is_limit(&clause.draft)
-                    && clause.draft.regions.len() <= 1
-            })
-        {
-            let mut again = model.clone();
-            match again.draft.regions.last_mut() {
-                Some(region) if again.draft.names.is_empty() => region.names = draft.names,
-                _ => again.draft.names = draft.names,
-            }
-            again.draft.quantities = draft.quantities;
-            again.draft.ttl_s = draft.ttl_s.or(again.draft.ttl_s);
-            self.out.orders.push(again);
+        if let Some(clause) = self.again_with(&draft).filter(|_| goes_on) {
+            self.out.orders.push(clause);
             return;
         }
         if draft.has(Sense::AsWell) && !draft.names.is_empty() && self.last != Last::Order {
@@ -122,6 +74,69 @@ impl Joiner {
             return self.order(draft);
         }
         self.names_or_places(draft, goes_on);
+    }
+
+    /// Whether it says why, after an order: "loads of wires there".
+    fn gives_reason(&self, draft: &Draft) -> bool {
+        // "don't go behind the tv, loads of wires": why.
+        const MANY: [&str; 10] = [
+            "loads ",
+            "lots ",
+            "plenty ",
+            "tons ",
+            "heaps ",
+            "masses ",
+            "too many ",
+            "too much ",
+            "so many ",
+            "full ",
+        ];
+        self.last == Last::Order
+            && matches!(draft.join, Some(Join::Comma | Join::Start))
+            && draft.senses.is_empty()
+            && draft.quantities.is_empty()
+            && MANY.iter().any(|many| draft.words.starts_with(many))
+    }
+
+    /// Whether it is more of the task before it.
+    fn goes_on_with_task(&self, draft: &Draft) -> bool {
+        // "play hide and seek", "bring tea and biscuits": more of the task.
+        self.last == Last::Other
+            && (matches!(draft.join, Some(Join::And | Join::Or))
+                || draft.join == Some(Join::Comma)
+                    && !draft.words.starts_with("the ")
+                    && self.out.others.last().is_some_and(|other| other.has(Sense::Task)))
+            && draft.quantities.is_empty()
+            && draft.leftover.is_empty()
+            && draft.senses.is_empty()
+    }
+
+    /// The order before it with another name and number, if it is that.
+    fn again_with(&self, draft: &Draft) -> Option<Clause> {
+        // "give cyclists 1.5 m and pedestrians 1 m": the same order with another name and number.
+        let one_number = draft.quantities.len() == 1 && draft.senses.is_empty() && draft.n_neg == 0;
+        let kind = draft.quantities.first().map(|quantity| quantity.kind);
+        let model = self.out.orders.last().filter(|clause| {
+            clause.draft.quantity(Kind::Distance).is_some()
+                && !is_limit(&clause.draft)
+                && clause.draft.regions.len() <= 1
+        })?;
+        let fits = self.last == Last::Order
+            && one_number
+            && !draft.names.is_empty()
+            && draft.regions.is_empty()
+            && kind == Some(Kind::Distance);
+        if !fits {
+            return None;
+        }
+        let mut again = model.clone();
+        match again.draft.regions.last_mut() {
+            Some(region) if again.draft.names.is_empty() => region.names.clone_from(&draft.names),
+            _ => again.draft.names.clone_from(&draft.names),
+        }
+        again.draft.quantities.clone_from(&draft.quantities);
+        again.draft.ttl_s = draft.ttl_s.or(again.draft.ttl_s);
+        Some(again)
     }
 
     fn names_or_places(&mut self, mut draft: Draft, goes_on: bool) {

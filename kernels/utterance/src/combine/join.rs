@@ -60,48 +60,53 @@ impl Joiner {
             old.words = format!("{} {}", old.words, new.words);
             return true;
         }
-        // "drive slowly and turn slowly near the piano": both near the piano.
-        let turn = |draft: &Draft| {
-            draft.has_any(&[Sense::TurnSlow, Sense::Turn, Sense::TurnFast])
-                || draft.quantity(Kind::TurnRate).is_some()
-        };
-        let bare_old = old.regions.is_empty() && old.names.is_empty() && !old.has(Sense::Everywhere);
-        // "slowly and quietly past room 4": one manner.
-        const MANNERS: [&str; 12] = [
-            "quiet",
-            "quietly",
-            "gentle",
-            "gently",
-            "careful",
-            "carefully",
-            "slow",
-            "slowly",
-            "steady",
-            "calm",
-            "calmly",
-            "cautiously",
-        ];
-        let one_manner = bare_old
-            && matches!(new.join, Some(Join::And))
-            && old.quantities.is_empty()
-            && is_limit(old)
-            && is_limit(new)
-            && new.words.split(' ').next().is_some_and(|word| MANNERS.contains(&word));
-        if one_manner {
-            old.regions.clone_from(&new.regions);
-            old.names.clone_from(&new.names);
-            old.ttl_s = old.ttl_s.or(new.ttl_s);
-        }
-        if bare_old
-            && matches!(new.join, Some(Join::And))
-            && is_limit(old)
-            && is_limit(new)
-            && turn(old) != turn(new)
-        {
-            old.regions.clone_from(&new.regions);
-            old.names.clone_from(&new.names);
-            old.ttl_s = old.ttl_s.or(new.ttl_s);
-        }
+        share_with_old(old, new);
         false
+    }
+}
+
+/// A bare manner takes the place of the one that follows it.
+fn share_with_old(old: &mut Draft, new: &Draft) {
+    // "drive slowly and turn slowly near the piano": both near the piano.
+    let turn = |draft: &Draft| {
+        draft.has_any(&[Sense::TurnSlow, Sense::Turn, Sense::TurnFast])
+            || draft.quantity(Kind::TurnRate).is_some()
+    };
+    let bare_old = old.regions.is_empty() && old.names.is_empty() && !old.has(Sense::Everywhere);
+    // "slowly and quietly past room 4": one manner.
+    const MANNERS: [&str; 12] = [
+        "quiet",
+        "quietly",
+        "gentle",
+        "gently",
+        "careful",
+        "carefully",
+        "slow",
+        "slowly",
+        "steady",
+        "calm",
+        "calmly",
+        "cautiously",
+    ];
+    let one_manner = bare_old
+        && matches!(new.join, Some(Join::And))
+        && old.quantities.is_empty()
+        && is_limit(old)
+        && is_limit(new)
+        && new.words.split(' ').next().is_some_and(|word| MANNERS.contains(&word));
+    if one_manner {
+        old.regions.clone_from(&new.regions);
+        old.names.clone_from(&new.names);
+        old.ttl_s = old.ttl_s.or(new.ttl_s);
+    }
+    if bare_old
+        && matches!(new.join, Some(Join::And))
+        && is_limit(old)
+        && is_limit(new)
+        && turn(old) != turn(new)
+    {
+        old.regions.clone_from(&new.regions);
+        old.names.clone_from(&new.names);
+        old.ttl_s = old.ttl_s.or(new.ttl_s);
     }
 }
