@@ -76,6 +76,7 @@ fn findable_regions(condition: &Draft, unknown_state: bool) -> Vec<Region> {
         Sense::VerbNear,
         Sense::VerbBlock,
         Sense::Copula,
+        Sense::ThereIs,
         Sense::PrepNear,
         Sense::Turn,
         Sense::Statement,

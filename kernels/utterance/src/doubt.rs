@@ -50,6 +50,9 @@ pub fn of_order(draft: &Draft, rules: &[Rule]) -> Option<String> {
     if let Some(quantity) = draft.quantities.iter().find(|quantity| !is_carried(quantity, rules)) {
         return Some(format!("What is \"{}\" about?", quantity.said));
     }
+    if draft.has(Sense::AllRules) {
+        return Some("Everything? Please name what I should heed.".into());
+    }
     let sided = draft.has_any(&[Sense::SideLeft, Sense::SideRight, Sense::SelfLeft, Sense::SelfRight]);
     let sides = [Relation::LeftOf, Relation::RightOf, Relation::FrontOf, Relation::Behind];
     if sided && !rules.iter().any(|rule| sides.contains(&rule.relation)) {

@@ -165,6 +165,8 @@ fn excluded_region(draft: &Draft, region: &Region) -> Result<Vec<Rule>, Trouble>
             (Relation::Near, vague::AWAY_M)
         }
         Place::To => (Relation::On, 0.0),
+        // "on your way past the tank leave two feet"
+        Place::Past if said.is_some() && !draft.is_negated() => (Relation::Near, 0.0),
         Place::Under => (Relation::Beneath, 0.0),
         Place::Past => (Relation::Beyond, 0.0),
         Place::Front => (Relation::FrontOf, 0.0),

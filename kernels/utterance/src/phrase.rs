@@ -50,7 +50,14 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
                 ))
             || (idx > words_start
                 && !item.is_word()
-                && (inside(items, idx) || determined && item.is(Sense::Task) && !item.text.contains(' ')));
+                && (inside(items, idx)
+                    || determined
+                        && item.is(Sense::Task)
+                        && !item.text.contains(' ')
+                        && !matches!(
+                            item.text.as_str(),
+                            "begin" | "start" | "continue" | "resume" | "finish"
+                        )));
         if !takes || idx - words_start >= WORDS_MAX {
             break;
         }

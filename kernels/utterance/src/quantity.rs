@@ -8,7 +8,7 @@ mod measure;
 use crate::lexicon::Lexicon;
 use crate::number::{fraction_word, is_number_word, number_at};
 use crate::text::{Token, tokens};
-use measure::{compound, fraction_of_speed, single_duration, single_of};
+use measure::{compound, fraction_of_speed, share, single_duration, single_of};
 
 /// What a number measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,6 +102,11 @@ pub fn quantity_at(tokens: &[Token], at: usize, bare_unit: BareUnit) -> Option<Q
     if word(tokens, start) == "by" {
         by = true;
         start += 1;
+    }
+    // "by half", "by a third"
+    if by && let Some((value, after, _)) = share(tokens, start) {
+        let said = tokens[at..after].iter().map(|token| token.text.as_str()).collect::<Vec<_>>().join(" ");
+        return Some(Quantity { bound, by, said, ..quantity(Kind::Fraction, value, after - at) });
     }
     let lead = duration_lead(tokens, start);
     let (mut quantity, start) =

@@ -1,6 +1,6 @@
 //! Stretches without an order of their own: names, places, numbers and times that belong to a neighbour.
 
-use super::{Joiner, Last};
+use super::{Joiner, Last, N_MENTIONS_MAX};
 use crate::clause::{Clause, is_limit};
 use crate::draft::Draft;
 use crate::lexicon::Sense;
@@ -216,6 +216,8 @@ impl Joiner {
             return;
         }
         self.waiting_names.extend(draft.names);
+        self.group.clone_from(&self.waiting_names);
+        self.group.truncate(N_MENTIONS_MAX);
         self.waiting_regions.extend(draft.regions);
         self.waiting_except.extend(draft.except);
         self.waiting_ttl_s = self.waiting_ttl_s.or(ttl_s);

@@ -153,7 +153,10 @@ impl Joiner {
 
     pub(super) fn condition(&mut self, draft: Draft) {
         let has_target = self.out.orders.last().is_some();
-        if draft.has_any(&EXCLUSIONS[..4])
+        let keeps_off =
+            draft.has_any(&[Sense::Hold, Sense::From]) && draft.quantity(Kind::Distance).is_some();
+        if keeps_off && draft.has_any(&[Sense::Hold, Sense::Away]) && draft.lead.contains("as long as")
+            || draft.has_any(&EXCLUSIONS[..4])
             || is_limit(&draft) && !draft.has(Sense::Sleeping) && !draft.has(Sense::Fast)
         {
             // "when turning slow down" was cut badly, or an order hides in it: keep it as an order.

@@ -34,7 +34,7 @@ pub(super) fn fraction_of_speed(tokens: &[Token], at: usize) -> Option<Quantity>
 }
 
 /// A share, the token after it, and whether it was a percentage.
-fn share(tokens: &[Token], at: usize) -> Option<(f64, usize, bool)> {
+pub(super) fn share(tokens: &[Token], at: usize) -> Option<(f64, usize, bool)> {
     let skip = usize::from(matches!(word(tokens, at), "a" | "one"));
     if let Some(part) = fraction_word(word(tokens, at + skip)) {
         return Some((part, at + skip + 1, false));

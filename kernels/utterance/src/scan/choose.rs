@@ -61,6 +61,10 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
         "be" | "do" | "does" | "did" => {
             return if text == "be" && draft.is_negated() { Some(Sense::Motion) } else { None };
         }
+        // "it is my wish that …" asks nothing.
+        "is my" | "is the" | "is that" | "is this" | "are the" | "is it" if !draft.names.is_empty() => {
+            return Some(Sense::Copula);
+        }
         // "the grass here is poisonous"
         "here is" | "here are" if !draft.names.is_empty() => return Some(Sense::Copula),
         "gets" | "get"
