@@ -78,8 +78,9 @@ impl Joiner {
         let after_speed = self.last == Last::Order
             && matches!(draft.join, Some(Join::Comma | Join::And | Join::But))
             && self.out.orders.last().is_some_and(|clause| {
-                clause.draft.quantity(Kind::Speed).is_some()
-                    && clause.draft.quantity(Kind::Distance).is_none()
+                clause.draft.quantity(Kind::Speed).is_some_and(|speed| {
+                    ["m/s", "metre", "meter"].iter().any(|unit| speed.said.contains(unit))
+                }) && clause.draft.quantity(Kind::Distance).is_none()
             });
         if after_speed && !draft.has_any(&[Sense::Away, Sense::From, Sense::Turn]) {
             for quantity in draft.quantities.iter_mut().filter(|quantity| quantity.kind == Kind::Bare) {

@@ -23,6 +23,15 @@ impl Scanner<'_> {
         if self.describes(item, follows_name) {
             return true;
         }
+        // "don't park outside the theatre": near it, and not off it.
+        let outside = matches!(item.text.as_str(), "outside" | "outside of")
+            && self.draft.n_neg > 0
+            && self.draft.has(Sense::Motion)
+            && noun_phrase(self.items, self.at, true).is_some();
+        if outside {
+            self.before = Before::Place(Place::Near);
+            return true;
+        }
         let Some(place) = place_of(item) else { return false };
         if place == Place::To && self.purpose(item) {
             return true;

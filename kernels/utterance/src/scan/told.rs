@@ -78,7 +78,7 @@ impl Scanner<'_> {
                 ["i ", "we ", "he ", "she ", "they "].iter().any(|who| self.draft.words.starts_with(who));
             let plain = match item.text.as_str() {
                 "not" | "no" | "off" | "out" | "away" | "back" | "up" | "down" | "easy" | "easily"
-                | "slow" | "slowly" | "fast" | "over" | "room" | "space" => true,
+                | "slow" | "slowly" | "fast" | "over" | "room" | "space" | "twice" | "once" => true,
                 _ => of_people && item.is_any(&STATES),
             };
             let outside = matches!(item.text.as_str(), "outside" | "outside of");
@@ -127,8 +127,8 @@ impl Scanner<'_> {
         let did = matches!(self.items.get(self.at.wrapping_sub(1)), Some(before) if before.text == "you")
             && self.at == 1
             && item.is_word()
-            && speech(&item.text) == Speech::Participle
-            && item.text.ends_with("ed");
+            && (speech(&item.text) == Speech::Verb
+                || speech(&item.text) == Speech::Participle && item.text.ends_with("ed"));
         if did {
             return true;
         }
