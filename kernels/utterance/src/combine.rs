@@ -85,6 +85,11 @@ impl Joiner {
         // A statement with nothing to heed in it, or a task: told, not ordered.
         let told = (is_story(&draft) || does_something(&draft)) && !is_order(&draft);
         let mut draft = draft;
+        // "avoid the rug, no, the sofa": one of the two.
+        if draft.words == "no" && self.last == Last::Order {
+            self.out.leftover.push(draft.words.clone());
+            return;
+        }
         self.same_unit(&mut draft);
         let corrects = self.corrects(&draft);
         if corrects {

@@ -63,6 +63,27 @@ fn speakers_of_many_kinds_are_understood_or_asked() {
     assert!(n_harmful * 100 <= cases.len(), "{n_harmful} harmful:\n{}", failed.join("\n"));
 }
 
+/// What was said and is in no rule, what could mean two things, and names that name nothing: never a guess.
+#[test]
+fn what_is_in_doubt_is_asked_about() {
+    for words in [
+        "keep clear of whoever is using the treadmill",
+        "slow to 0.3 m/s within 2 m of people and stop within half a metre",
+        "either stay off the rug or go very slowly on it",
+        "don't touch anything on the shelf",
+        "stay off the tiles, they're wet, and the rug, it's new",
+        "anything with a red tag is off limits",
+        "go around the rug not over it",
+        "the floor takes 20 minutes to dry, stay off it",
+        "no need to slow down in the hall but do near the tanks",
+        "stay right up next to the bed all the time and never go near the bed",
+        "avoid the poisonous",
+    ] {
+        let reply = utterance::parse(&[], &Profile::sim(), words);
+        assert_eq!(reply.outcome, Outcome::Clarify, "{words:?}: {}", reply.say);
+    }
+}
+
 /// Paraphrases of dangers that nobody may accept, and sentences that only look like them.
 #[test]
 fn dangers_are_never_taken_and_their_look_alikes_never_refused_as_dangers() {

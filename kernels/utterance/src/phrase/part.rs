@@ -53,6 +53,14 @@ pub(super) fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
     if at > words_start && article_next && item.text.ends_with('s') {
         return false;
     }
+    // "the floor takes 20 minutes to dry"
+    let number_next = items.get(at + 1).is_some_and(|next| matches!(next.sort, Sort::Quantity(_)));
+    if at > words_start
+        && number_next
+        && matches!(item.text.as_str(), "takes" | "take" | "needs" | "need" | "lasts" | "costs")
+    {
+        return false;
+    }
     let next_is_name = items.get(at + 1).is_some_and(|next| {
         next.is_word() && speech(&next.text) != Speech::Verb
             || matches!(next.text.as_str(), "room" | "rooms" | "left" | "right" | "stand" | "space")

@@ -94,13 +94,14 @@ fn state_follows(tokens: &[Token], at: usize, lexicon: &Lexicon) -> bool {
         matches!(sense, Sense::PrepOn | Sense::PrepNear | Sense::PrepUnder | Sense::PrepBehind)
     };
     let leads_to_place = phrase.is_some_and(|(senses, _)| senses.iter().any(place));
-    let told = tokens.get(at).is_some_and(|next| {
-        matches!(speech(&next.text), Speech::Participle | Speech::Adjective | Speech::Verb) && !word_after
-            || matches!(
-                next.text.as_str(),
-                "out" | "off" | "where" | "gone" | "back" | "away" | "here" | "there"
-            )
-    });
+    let told = tokens.get(at).is_some_and(|next| !matches!(next.text.as_str(), "left" | "right"))
+        && tokens.get(at).is_some_and(|next| {
+            matches!(speech(&next.text), Speech::Participle | Speech::Adjective | Speech::Verb) && !word_after
+                || matches!(
+                    next.text.as_str(),
+                    "out" | "off" | "where" | "gone" | "back" | "away" | "here" | "there"
+                )
+        });
     is_state && (n_tokens > 1 || !word_after)
         || leads_to_place
         || told
