@@ -126,12 +126,15 @@ impl<'a> Survey<'a> {
         let room_m = layout.cells().map(|cell| {
             let at = layout.centre(cell);
             let zones = keep_out.iter().filter_map(|(rule, zone)| depth_m(rule, zone, at));
-            zones.fold(*self.obstacle_m.get(cell), |room_m, depth_m| room_m.min(self.profile.radius_m - depth_m))
+            zones.fold(*self.obstacle_m.get(cell), |room_m, depth_m| {
+                room_m.min(self.profile.radius_m - depth_m)
+            })
         });
         let room_m = Grid::from_values(layout, room_m.collect()).ok()?;
         let way = nominal(self.scene, &room_m, self.profile).ok()?.ok()?;
         let speed_m_s = |at: Point2| {
-            let limits = zones.iter().filter(|(rule, zone)| depth_m(rule, zone, at).is_some_and(|m| m >= 0.0));
+            let limits =
+                zones.iter().filter(|(rule, zone)| depth_m(rule, zone, at).is_some_and(|m| m >= 0.0));
             let limits = limits.filter_map(|(rule, _)| rule.speed_m_s_max.filter(|limit| *limit > 0.0));
             limits.fold(self.profile.speed_m_s_max, f64::min)
         };
@@ -209,7 +212,23 @@ fn nominal(
     let base = Grid::from_values(layout, cells.collect())?;
     let costmap = control::Costmap::new(&base, &[], 0.05, profile);
     let path = control::shortest_path(&costmap, scene.map_from_start.position(), scene.goal_map);
-    Ok(path.map_err(|e| e.to_string()))
+    Ok(path.map(|path| pulled(&path, &costmap)).map_err(|e| e.to_string()))
+}
+
+/// A way over cells pulled tight: from each corner straight to the farthest point in sight. Every 5 cm it has a point.
+fn pulled(way: &[Point2], costmap: &control::Costmap) -> Vec<Point2> {
+    let mut tight: Vec<Point2> = way.first().copied().into_iter().collect();
+    let mut from = 0;
+    while let Some(&corner) = way.get(from).filter(|_| from + 1 < way.len()) {
+        let in_sight = way.iter().enumerate().skip(from + 2).rev();
+        let next = in_sight.filter(|(_, p)| costmap.sees(corner, **p, 0.0)).map(|(idx, _)| idx).next();
+        let next = next.unwrap_or(from + 1);
+        let leg = way.get(next).map_or(nalgebra::Vector2::zeros(), |p| p - corner);
+        let n_steps = (leg.norm() / CELL_M).ceil().max(1.0) as usize;
+        tight.extend((1..=n_steps).map(|k| corner + leg * (k as f64 / n_steps as f64)));
+        from = next;
+    }
+    tight
 }
 
 /// A cell and the least room on the way to it; the most room comes first.
