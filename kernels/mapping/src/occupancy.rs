@@ -11,7 +11,7 @@ mod hidden;
 use beneath::beneath;
 use faces::Rectangle;
 use geometry::{Point2, Point3};
-pub use hidden::with_hidden;
+pub use hidden::{Hidden, with_hidden};
 
 use crate::floor_area::FLOOR_HEIGHT_M;
 use crate::grid::{Cell, Grid, GridError, Layout, Shape};

@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand};
 use service::life::{EXIT_FAILED, EXIT_OK, EXIT_USAGE};
 
 use crate::bench::{self, Bench};
-use crate::{audit, carry, demo, ground, models, parse, rules_list, say, slam, watch};
+use crate::{audit, carry, demo, ground, models, parse, record, rules_list, say, slam, watch};
 
 /// Tell a robot in plain words what to heed, and see that it does.
 #[derive(Parser, Debug)]
@@ -27,6 +27,8 @@ enum Command {
     Rules(rules_list::Arguments),
     /// Show live what a robot does and why, until Ctrl-C.
     Watch(watch::Arguments),
+    /// Record what a robot sees, finds and does, for Foxglove or Lichtblick.
+    Record(record::Arguments),
     /// Parse sentences without a robot: JSON lines in, JSON lines out.
     Parse(parse::Arguments),
     /// Map a recorded laser log.
@@ -60,6 +62,7 @@ pub fn run() -> ExitCode {
         Command::Say(arguments) => in_runtime(say::run(arguments)),
         Command::Rules(arguments) => in_runtime(rules_list::run(arguments)),
         Command::Watch(arguments) => in_runtime(watch::run(arguments)),
+        Command::Record(arguments) => in_runtime(record::run(arguments)),
         Command::Parse(arguments) => told(parse::run(&arguments)),
         Command::Slam(arguments) => told(slam::run(&arguments)),
         Command::Bench(what) => timed(what),

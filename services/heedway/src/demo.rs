@@ -4,12 +4,11 @@
 //! only this command reads and none of the services.
 
 mod director;
-mod judge;
-mod outlines;
+pub mod judge;
 mod picture;
-mod record;
+pub mod record;
 mod report;
-mod stage;
+pub mod stage;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

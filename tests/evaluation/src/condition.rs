@@ -108,7 +108,7 @@ pub enum Event {
     None,
     /// A box appears on the robot's way.
     Obstacle,
-    /// The words come a second after the goal.
+    /// The words come in mid-run, about the last moment at which they can be heeded.
     ToldLate,
     /// The words come when the robot already breaks them.
     ToldInside,

@@ -9,7 +9,10 @@ use heedway_simulator::truth::GroundTruth;
 
 use crate::condition::Event;
 
-/// Words that come late come so long after the goal, seconds.
+/// Words that come late come when the hull is so near to where they hold, metres: about the last moment at which they
+/// can be heeded. At 1.5 m/s braking takes 0.4 m, and finding the object half a second.
+const TOLD_AT_M: f64 = 1.2;
+/// Words that hold everywhere come so long after the goal, seconds.
 const TOLD_AFTER_S: f64 = 1.0;
 /// Words are taken back so long after the goal, seconds.
 const REVOKED_AFTER_S: f64 = 2.0;
@@ -44,6 +47,8 @@ pub struct Progress<'a> {
     pub position_map: Point2,
     /// Whether the robot breaks what the words will say.
     pub breaks: bool,
+    /// How far the hull is from where they hold, metres; `None` when they hold everywhere.
+    pub room_m: Option<f64>,
     /// The way that the navigator goes, in `map`, from the robot on.
     pub way_map: &'a [[f64; 2]],
 }
@@ -82,7 +87,10 @@ impl Course {
         let after = |s: f64| progress.time_s >= s;
         let deed = match self.event {
             Event::None => None,
-            Event::ToldLate => after(TOLD_AFTER_S).then_some(Deed::Say),
+            Event::ToldLate => match progress.room_m {
+                Some(room_m) => (room_m <= TOLD_AT_M).then_some(Deed::Say),
+                None => after(TOLD_AFTER_S).then_some(Deed::Say),
+            },
             Event::ToldInside => progress.breaks.then_some(Deed::Say),
             Event::Revoked => after(REVOKED_AFTER_S).then_some(Deed::Revoke),
             Event::Obstacle if after(BOX_AFTER_S) => place_of_box(progress, truth).map(Deed::SetDown),
@@ -134,10 +142,11 @@ mod tests {
     }
 
     #[track_caller]
-    fn check(event: Event, time_s: f64, breaks: bool, wanted: Option<Deed>) {
+    fn check(event: Event, time_s: f64, breaks: bool, room_m: Option<f64>, wanted: Option<Deed>) {
         let (_, truth) = empty_room();
         let way_map: Vec<[f64; 2]> = (0..60).map(|k| [1.0 + 0.1 * f64::from(k), 2.0]).collect();
-        let progress = Progress { time_s, position_map: Point2::new(1.0, 2.0), breaks, way_map: &way_map };
+        let position_map = Point2::new(1.0, 2.0);
+        let progress = Progress { time_s, position_map, breaks, room_m, way_map: &way_map };
         let mut course = Course::new(event);
         let deed = course.next(&progress, &truth);
         assert_eq!(deed, wanted);
@@ -146,14 +155,16 @@ mod tests {
 
     #[test]
     fn each_thing_happens_once_and_in_its_time() {
-        check(Event::None, 5.0, true, None);
-        check(Event::ToldLate, 0.9, true, None);
-        check(Event::ToldLate, 1.0, false, Some(Deed::Say));
-        check(Event::ToldInside, 9.0, false, None);
-        check(Event::ToldInside, 0.1, true, Some(Deed::Say));
-        check(Event::Revoked, 2.0, false, Some(Deed::Revoke));
-        check(Event::Obstacle, 0.5, false, None);
-        check(Event::Obstacle, 1.0, false, Some(Deed::SetDown(Point2::new(2.5, 2.0))));
+        check(Event::None, 5.0, true, None, None);
+        check(Event::ToldLate, 0.9, true, None, None);
+        check(Event::ToldLate, 1.0, false, None, Some(Deed::Say));
+        check(Event::ToldLate, 5.0, false, Some(1.3), None);
+        check(Event::ToldLate, 0.1, false, Some(1.2), Some(Deed::Say));
+        check(Event::ToldInside, 9.0, false, None, None);
+        check(Event::ToldInside, 0.1, true, None, Some(Deed::Say));
+        check(Event::Revoked, 2.0, false, None, Some(Deed::Revoke));
+        check(Event::Obstacle, 0.5, false, None, None);
+        check(Event::Obstacle, 1.0, false, None, Some(Deed::SetDown(Point2::new(2.5, 2.0))));
     }
 
     #[test]

@@ -13,6 +13,10 @@ use crate::zone::Zone;
 
 /// Driving exactly at a limit complies; this much above it does too, m/s and rad/s.
 const LIMIT_TOLERANCE: f64 = 0.01;
+/// Who is told while driving may take so long to understand and to find the object, seconds.
+const REACTION_S: f64 = 0.3;
+/// Who could not stop any more is inside a zone so soon after being told, or has no excuse, seconds.
+const TOO_LATE_S: f64 = 1.5;
 
 /// One moment of a run, as it really was.
 pub struct Moment<'a> {
@@ -52,12 +56,18 @@ struct Watch {
     zone: Zone,
     /// It was broken when it was given, and has not been kept since.
     is_excused: bool,
+    /// When it was given nothing could keep the robot from breaking it.
+    is_too_late: bool,
 }
 
 /// Watches the rules of a case over one run.
 pub struct Judge {
     watches: Vec<Watch>,
     has_begun: bool,
+    /// How far the robot goes from when it is told until it stands, metres.
+    stopping_m: f64,
+    /// When it was told, seconds of the run.
+    began_s: f64,
     findings: Findings,
 }
 
@@ -77,6 +87,7 @@ impl Judge {
             rule: rule.clone(),
             zone: Zone::of(rule, scene, map_from_anchor),
             is_excused: false,
+            is_too_late: false,
         };
         let watches: Vec<Watch> = rules.iter().map(watch).collect();
         let not_judged = watches.iter().find_map(|watch| match &watch.zone {
@@ -84,7 +95,15 @@ impl Judge {
             _ => None,
         });
         let findings = Findings { not_judged, ..Findings::default() };
-        Judge { watches, has_begun: false, findings }
+        Judge { watches, has_begun: false, stopping_m: 0.0, began_s: 0.0, findings }
+    }
+
+    /// For a robot that is told at this speed, m/s, and brakes with this, m/s².
+    #[must_use]
+    pub fn told_at_speed(mut self, speed_m_s: f64, brake_m_s2: f64) -> Self {
+        let speed_m_s = speed_m_s.abs();
+        self.stopping_m = speed_m_s * REACTION_S + speed_m_s.powi(2) / (2.0 * brake_m_s2.max(0.01));
+        self
     }
 
     /// Looks at one moment.
@@ -92,7 +111,12 @@ impl Judge {
         let (mut is_broken, mut recovers) = (false, false);
         for watch in &mut self.watches {
             let breach = breach(&watch.rule, &watch.zone, moment);
-            watch.is_excused = breach.is_some() && (watch.is_excused || !self.has_begun);
+            if !self.has_begun {
+                self.began_s = moment.time_s;
+                watch.is_too_late = room_m(watch, moment).is_some_and(|room_m| room_m <= self.stopping_m);
+            }
+            let is_too_late = watch.is_too_late && moment.time_s - self.began_s <= TOO_LATE_S;
+            watch.is_excused = breach.is_some() && (watch.is_excused || !self.has_begun || is_too_late);
             let Some(breach) = breach else { continue };
             if watch.is_excused {
                 recovers = true;
@@ -115,6 +139,12 @@ impl Judge {
         self.watches.iter().any(|watch| breach(&watch.rule, &watch.zone, moment).is_some())
     }
 
+    /// How far the hull is from where any rule holds, metres, not above 0 inside; `None` when all hold everywhere.
+    #[must_use]
+    pub fn room_m(&self, moment: &Moment<'_>) -> Option<f64> {
+        self.watches.iter().filter_map(|watch| room_m(watch, moment)).min_by(f64::total_cmp)
+    }
+
     /// What was found.
     #[must_use]
     pub fn findings(&self) -> &Findings {
@@ -125,6 +155,12 @@ impl Judge {
     pub fn zones(&self) -> impl Iterator<Item = (&CaseRule, &Zone)> {
         self.watches.iter().map(|watch| (&watch.rule, &watch.zone))
     }
+}
+
+/// How far the hull is from where a rule holds, metres; `None` when it holds everywhere or nowhere.
+fn room_m(watch: &Watch, moment: &Moment<'_>) -> Option<f64> {
+    let gap_m = watch.zone.gap_m(moment.gaps, moment.map_from_base.position(), moment.radius_m)?;
+    gap_m.is_finite().then(|| gap_m - buffer_m(&watch.rule))
 }
 
 /// The buffer by which a run is judged, metres.
@@ -186,17 +222,29 @@ mod tests {
     /// (distance, distance of what is overhead, speed) at each moment, 0.1 s apart.
     #[track_caller]
     fn check(rule: CaseRule, moments: &[(f64, Option<f64>, f64)], wanted_broken_s: f64) -> Findings {
+        check_told(0.0, rule, moments, wanted_broken_s)
+    }
+
+    /// The same, told when the robot needs so far to stand.
+    #[track_caller]
+    fn check_told(
+        stopping_m: f64,
+        rule: CaseRule,
+        moments: &[(f64, Option<f64>, f64)],
+        wanted_broken_s: f64,
+    ) -> Findings {
         let zone = match rule.relation {
             Relation::Global => Zone::Everywhere,
             relation => Zone::Objects { ids: rule.objects.clone(), overhead: relation == Relation::Beneath },
         };
-        let watches = vec![Watch { rule, zone, is_excused: false }];
-        let mut judge = Judge { watches, has_begun: false, findings: Findings::default() };
-        for (any_height_m, overhead_m, speed_m_s) in moments {
+        let watches = vec![Watch { rule, zone, is_excused: false, is_too_late: false }];
+        let findings = Findings::default();
+        let mut judge = Judge { watches, has_begun: false, stopping_m, began_s: 0.0, findings };
+        for (k, (any_height_m, overhead_m, speed_m_s)) in moments.iter().enumerate() {
             let gap =
                 |id: &str, any_height_m, overhead_m| ObjectGap { id: id.into(), any_height_m, overhead_m };
             judge.see(&Moment {
-                time_s: 0.0,
+                time_s: 0.1 * k as f64,
                 elapsed_s: 0.1,
                 map_from_base: Pose2::IDENTITY,
                 twist: Twist::new(*speed_m_s, 0.0),
@@ -239,6 +287,18 @@ mod tests {
         let found = check(near(), &[(0.1, None, 0.1), (0.2, None, 0.1), (0.4, None, 0.1)], 0.0);
         assert!((found.recovery_s - 0.2).abs() < 1e-9);
         check(near(), &[(0.1, None, 0.1), (0.4, None, 0.1), (0.2, None, 0.1)], 0.1);
+    }
+
+    #[test]
+    fn who_could_not_stop_any_more_is_judged_from_when_he_is_out() {
+        let near = || rule(RuleType::Exclusion, Relation::Near, 0.3, None);
+        let passing = [(0.8, None, 1.5), (0.5, None, 1.2), (0.25, None, 0.5), (0.2, None, 0.0)];
+        let found = check_told(0.8, near(), &passing, 0.0);
+        assert!((found.recovery_s - 0.2).abs() < 1e-9);
+        // Told a little earlier he could have, and so could who went in much later.
+        check_told(0.4, near(), &passing, 0.2);
+        let late = [vec![(0.8, None, 0.1); 20], vec![(0.2, None, 0.1)]].concat();
+        check_told(0.8, near(), &late, 0.1);
     }
 
     #[test]

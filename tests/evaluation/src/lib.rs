@@ -5,6 +5,7 @@
 //! ([`stepped_robot`]) and a host for the models ([`model_host`]). [`trial`] plays one run, [`judge`] watches it,
 //! [`outcome`] names what came of it. Deliberately not here: anything that decides how the robot moves.
 
+pub mod chart;
 pub mod check;
 pub mod command;
 pub mod condition;
@@ -14,10 +15,15 @@ pub mod judge;
 pub mod language;
 pub mod model_host;
 pub mod outcome;
+pub mod picture;
+pub mod processes;
+pub mod progress;
 pub mod setup;
 pub mod stepped_robot;
+pub mod suite;
 pub mod summary;
 pub mod system;
+pub mod trace;
 pub mod trial;
 pub mod zone;
 

@@ -28,6 +28,19 @@ pub enum Outcome {
 }
 
 impl Outcome {
+    /// As in a line of results.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Outcome::Success => "success",
+            Outcome::Semantic => "semantic",
+            Outcome::Collision => "collision",
+            Outcome::TimeoutPerception => "timeout_perception",
+            Outcome::TimeoutFilter => "timeout_filter",
+            Outcome::TimeoutPlanner => "timeout_planner",
+        }
+    }
+
     /// Whether the goal was not reached in time, and nothing else went wrong.
     #[must_use]
     pub fn is_timeout(self) -> bool {
@@ -147,7 +160,7 @@ fn plain_outcome(run: &Run) -> Option<Outcome> {
 }
 
 fn blame(task: &Task<'_>) -> anyhow::Result<Outcome> {
-    let again = |condition: Condition| play(&Task { condition, ..*task });
+    let again = |condition: Condition| play(&Task { condition, record: None, ..*task });
     if task.case.is_some() && task.condition.masks == Masks::Models {
         let run = again(Condition { masks: Masks::Truth, ..task.condition })?;
         if plain_outcome(&run) == Some(Outcome::Success) {

@@ -17,7 +17,7 @@ use crate::condition::{Condition, Masks, Method, Planner, Sensing};
 
 /// How far the start may lie from where the scene says, metres: "randomised" as the paper has it, and little
 /// enough that the nominal way stays the nominal way.
-const START_JITTER_M: f64 = 0.15;
+pub const START_JITTER_M: f64 = 0.15;
 /// What a pose from matched scans is taken to err by at most, metres …
 const POSE_ERROR_M: f64 = 0.03;
 /// … and radians.

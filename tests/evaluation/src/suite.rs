@@ -93,7 +93,11 @@ impl Job<'_> {
 ///
 /// # Errors
 /// When a floor is too large for a grid.
-pub fn choose<'a>(scenes: &'a [Scene], all_cases: bool, profile: &Profile) -> anyhow::Result<Vec<Chosen<'a>>> {
+pub fn choose<'a>(
+    scenes: &'a [Scene],
+    all_cases: bool,
+    profile: &Profile,
+) -> anyhow::Result<Vec<Chosen<'a>>> {
     let of_scene = |scene_idx: usize, scene: &'a Scene| -> anyhow::Result<Vec<Chosen<'a>>> {
         let survey = Survey::new(scene, profile)?;
         let mut good: Vec<usize> = (0..scene.cases.len()).collect();
@@ -167,7 +171,8 @@ pub fn path_file(out: &Path, key: &str) -> PathBuf {
 /// # Errors
 /// When a file cannot be written, or a trial cannot be played at all.
 pub fn play(jobs: &[Job<'_>], out: &Path, n_threads: usize) -> anyhow::Result<Vec<Line>> {
-    std::fs::create_dir_all(out.join("paths")).with_context(|| format!("create {} (--out)", out.display()))?;
+    std::fs::create_dir_all(out.join("paths"))
+        .with_context(|| format!("create {} (--out)", out.display()))?;
     let file = out.join("results.jsonl");
     let played: BTreeSet<String> = read_lines(&file).iter().map(key_of).collect();
     let left: Vec<&Job<'_>> = jobs.iter().filter(|job| !played.contains(&job.key())).collect();
@@ -203,7 +208,7 @@ fn play_all(
             let Chosen { scene, case_idx, name, best } = job.chosen;
             let case = scene.cases.get(*case_idx);
             let say = case.map(|case| case.say.as_str());
-            let task = Task { scene, say, case, condition: job.condition, best: *best };
+            let task = Task { scene, say, case, condition: job.condition, best: *best, record: None };
             let (line, run) = judged(&task, name)?;
             Trace::of(&run).write(&path_file(out, &job.key()))?;
             let text = serde_json::to_string(&line)?;

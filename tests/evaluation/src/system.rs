@@ -8,10 +8,15 @@
 mod routes;
 
 use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use anyhow::Context;
 use geometry::{Pose2, Time, Twist};
+use heedway_cli::recording::{Heard, Recorder};
 use heedway_filter::{FilterDecider, Input as FilterInput};
 use heedway_language::decider::{Decider as LanguageDecider, Input as LanguageInput, Setup as LanguageSetup};
 use heedway_language::rulebook::Rulebook;
@@ -62,6 +67,7 @@ pub struct System {
     later: BTreeMap<(Time, u64), Message>,
     n_later: u64,
     n_odometry: u64,
+    recorder: Option<Recorder<BufWriter<File>>>,
     /// What was told that a trial wants to know.
     pub told: Told,
 }
@@ -144,6 +150,7 @@ impl System {
             later: BTreeMap::new(),
             n_later: 0,
             n_odometry: 0,
+            recorder: None,
             told: Told::default(),
             setup,
             condition,
@@ -177,6 +184,33 @@ impl System {
         let world = World::new(scene, profile, simulator)?;
         self.robot.move_to(&world, profile, simulator, Arc::clone(&self.kept))?;
         Ok(world)
+    }
+
+    /// Records from now on.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn record(&mut self, file: &Path) -> anyhow::Result<()> {
+        let to = File::create(file).with_context(|| format!("create {} (--mcap)", file.display()))?;
+        self.recorder = Some(Recorder::new(BufWriter::new(to), &self.setup.profile)?);
+        Ok(())
+    }
+
+    /// Ends the recording, if there is one.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn end_recording(&mut self) -> anyhow::Result<()> {
+        self.recorder.take().map_or(Ok(()), |recorder| recorder.finish().map(drop))
+    }
+
+    fn note(&mut self, heard: Heard<'_>) {
+        let at_ns = self.wall_ns();
+        let Some(recorder) = &mut self.recorder else { return };
+        if let Err(e) = recorder.hear(at_ns, heard) {
+            self.recorder = None;
+            self.told.troubles.push(format!("the recording ended early: {e:#}"));
+        }
     }
 
     /// One turn of the loop that drives the base, and all that happens meanwhile.

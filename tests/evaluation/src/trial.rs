@@ -10,6 +10,8 @@ use crate::model_host::{ModelHost, Role};
 use crate::setup::Setup;
 use crate::system::{Message, System};
 use drive::Drive;
+use std::path::Path;
+
 use geometry::Point2;
 use heedway_simulator::scene::{Case, Hull, Scene};
 use heedway_simulator::simulated_robot::World;
@@ -35,6 +37,8 @@ pub struct Task<'a> {
     pub condition: Condition,
     /// The best that could be done, when it is known.
     pub best: Option<Best>,
+    /// The run is recorded there, as MCAP.
+    pub record: Option<&'a Path>,
 }
 
 /// One point of the path that was really driven.
@@ -94,6 +98,7 @@ pub struct Run {
 pub fn play(task: &Task<'_>) -> anyhow::Result<Run> {
     let setup = Setup::new(&task.condition)?;
     let world = World::new(task.scene.clone(), &setup.profile, &setup.simulator)?;
+    let brake_m_s2 = setup.profile.accel_m_s2_max;
     let hull = Hull { radius_m: setup.profile.radius_m, height_m: setup.profile.height_m };
     let role = match (task.condition.method, task.condition.masks, task.case) {
         (_, Masks::Truth, Some(case)) => ModelHost::truth(task.scene, case),
@@ -101,6 +106,9 @@ pub fn play(task: &Task<'_>) -> anyhow::Result<Run> {
         _ => Role::Oracle,
     };
     let mut system = System::new(&world, setup, task.condition, role)?;
+    if let Some(file) = task.record {
+        system.record(file)?;
+    }
     let mut run = Run { least_clearance_m: f64::INFINITY, ..Run::default() };
     if let Err(why) = get_ready(&mut system) {
         run.remarks.push(why);
@@ -108,7 +116,7 @@ pub fn play(task: &Task<'_>) -> anyhow::Result<Run> {
         return Ok(run);
     }
     let course = Course::new(task.condition.event);
-    let mut drive = Drive::new(task, hull, course);
+    let mut drive = Drive::new(task, hull, brake_m_s2, course);
     if course.begins_with_words() {
         drive.say(&mut system, &mut run);
     }
@@ -122,6 +130,7 @@ pub fn play(task: &Task<'_>) -> anyhow::Result<Run> {
         cancel: false,
     }));
     drive.until_the_end(&world, &mut system, &mut run)?;
+    system.end_recording()?;
     finish(&system, &mut run);
     Ok(run)
 }

@@ -33,7 +33,7 @@ fn condition(method: Method, planner: Planner, seed: u64) -> Condition {
 
 fn played(scene: &Scene, case_idx: usize, condition: Condition) -> Line {
     let case = &scene.cases[case_idx];
-    let task = Task { scene, say: Some(&case.say), case: Some(case), condition, best: None };
+    let task = Task { scene, say: Some(&case.say), case: Some(case), condition, best: None, record: None };
     judged(&task, &format!("{case_idx}:{}", case.kind)).unwrap().0
 }
 
@@ -64,20 +64,67 @@ fn with_a_planner_that_knows_no_rules_the_filter_alone_keeps_them() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_trial() {
+fn the_same_seed_gives_the_same_line_byte_for_byte() {
     let office = scene("office.json");
-    let mut lines =
-        [1, 1, 2].map(|seed| played(&office, 0, condition(Method::SmoothBlending, Planner::Rules, seed)));
-    // The only figure that depends on the machine.
-    lines.iter_mut().for_each(|line| line.filter_us_p99 = 0);
-    assert_eq!(lines[0], lines[1]);
-    assert_ne!(lines[0].path_m, lines[2].path_m);
+    let line = |seed, sensing| {
+        let condition = Condition { sensing, ..condition(Method::SmoothBlending, Planner::Rules, seed) };
+        let mut line = played(&office, 0, condition);
+        // The only figure that depends on the machine's load.
+        line.filter_us_p99 = 0;
+        serde_json::to_string(&line).unwrap()
+    };
+    assert_eq!(line(1, Sensing::Perfect), line(1, Sensing::Perfect));
+    assert_eq!(line(1, Sensing::Noisy), line(1, Sensing::Noisy));
+    assert_ne!(line(1, Sensing::Perfect), line(2, Sensing::Perfect));
+}
+
+#[track_caller]
+fn check_condition(name: &str, case_idx: usize, sensing: Sensing, event: Event) -> Line {
+    let condition = Condition {
+        sensing,
+        event,
+        camera_divisor: 2,
+        ..condition(Method::SmoothBlending, Planner::Rules, 1)
+    };
+    let line = played(&scene(name), case_idx, condition);
+    assert_eq!(line.outcome, Outcome::Success, "{line:?}");
+    assert!(!line.why.contains("no occasion"), "{line:?}");
+    line
+}
+
+#[test]
+fn rules_are_kept_when_masks_err_and_when_wheels_drift() {
+    check_condition("home.json", 0, Sensing::MissedMasks, Event::None);
+    check_condition("home.json", 0, Sensing::WrongMasks, Event::None);
+    check_condition("office.json", 0, Sensing::Drift, Event::None);
+}
+
+#[test]
+fn what_happens_in_mid_run_is_heeded() {
+    let boxed = check_condition("home.json", 0, Sensing::Perfect, Event::Obstacle);
+    assert!(boxed.why.contains("a box appeared"), "{boxed:?}");
+    let inside = check_condition("home.json", 0, Sensing::Perfect, Event::ToldInside);
+    assert!(inside.recovery_s > 0.0, "{inside:?}");
+    check_condition("office.json", 0, Sensing::Perfect, Event::ToldLate);
+    check_condition("home.json", 0, Sensing::Perfect, Event::Revoked);
+}
+
+/// Its crib is seen from one face only until the robot has passed.
+#[test]
+fn a_limit_holds_along_a_face_that_the_camera_never_sees() {
+    let profile = profile(1).unwrap();
+    for seed in [21, 33] {
+        let (room, _) = generate::scene(Sort::Room, seed, &profile).unwrap();
+        let line = played(&room, 0, condition(Method::SmoothBlending, Planner::Rules, seed));
+        assert_eq!((line.outcome, line.violation_s), (Outcome::Success, 0.0), "{line:?}");
+    }
 }
 
 #[test]
 fn every_case_of_the_furnished_scenes_is_worth_playing() {
     let profile = profile(1).unwrap();
     let names = [
+        "office",
         "home",
         "corridor_flat",
         "dining_hall",
@@ -105,7 +152,9 @@ fn every_case_of_the_furnished_scenes_is_worth_playing() {
 fn a_case_that_nothing_breaks_is_refused() {
     let profile = profile(1).unwrap();
     let office = scene("office.json");
-    let refused = Survey::new(&office, &profile).unwrap().check(&office.cases[1]).refused;
+    let mut case = office.cases[1].clone();
+    case.rules[0].objects = vec!["water-cooler".into()];
+    let refused = Survey::new(&office, &profile).unwrap().check(&case).refused;
     assert!(refused.contains("breaks no rule clearly"), "{refused}");
 }
 

@@ -19,6 +19,16 @@ const N_GRACE: usize = 2;
 /// This many times as long as broad (as standard deviations), and it is a face: its depth lies square to it.
 const ELONGATION_MIN: f64 = 3.0;
 
+/// Where the unseen part of a thing is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hidden {
+    /// Straight behind what was seen, as deep as that is broad: a vase is not a cupboard.
+    Behind,
+    /// Beside it too, wherever nobody has looked yet: something nearer may hide a part of it. Too much for a region
+    /// that the robot has to get past, and right for one in which it is only slower.
+    Around,
+}
+
 /// The footprint, and what of `base` behind it is not known to be free, up to 1.2 m.
 ///
 /// `base` is the LiDAR's grid; `seen_from_map` where the footprint was seen from; cells with gaps up to `join_m` are of
@@ -32,6 +42,7 @@ pub fn with_hidden(
     base: &Grid<Occupancy>,
     seen_from_map: Point2,
     join_m: f64,
+    hidden: Hidden,
 ) -> Result<Grid<bool>, GridError> {
     let layout = *footprint.layout();
     let reach = Vector2::repeat(DEPTH_M_MAX + layout.resolution_m);
@@ -43,11 +54,43 @@ pub fn with_hidden(
     for group in groups(footprint, join_m) {
         let cells: Vec<Point2> = group.iter().map(|&cell: &Cell| layout.centre(cell)).collect();
         let Some(away) = direction(&cells, seen_from_map) else { continue };
+        let depth_m = match hidden {
+            Hidden::Behind => breadth_m(&cells, away).min(DEPTH_M_MAX),
+            Hidden::Around => DEPTH_M_MAX,
+        };
         for &cell in &cells {
-            mark_behind(&mut result, base, cell, away);
+            mark_behind(&mut result, base, cell, away * depth_m);
         }
     }
+    if hidden == Hidden::Around {
+        mark_unseen_around(&mut result, base);
+    }
     Ok(result)
+}
+
+/// Marks cells that were never seen and that a chain of such cells joins to marked ones, up to the same distance.
+fn mark_unseen_around(result: &mut Grid<bool>, base: &Grid<Occupancy>) {
+    let layout = *result.layout();
+    let is_unseen = |cell: Cell| {
+        base.layout().cell_at(layout.centre(cell)).is_some_and(|c| *base.get(c) == Occupancy::Unknown)
+    };
+    let mut border: Vec<Cell> = layout.cells().filter(|&cell| *result.get(cell)).collect();
+    for _ in 0..(DEPTH_M_MAX / layout.resolution_m) as usize {
+        let mut next = Vec::new();
+        for cell in border {
+            for (d_col, d_row) in [(1_isize, 0_isize), (-1, 0), (0, 1), (0, -1)] {
+                let at = cell.col.checked_add_signed(d_col).zip(cell.row.checked_add_signed(d_row));
+                let Some((col, row)) = at else { continue };
+                let is_inside = col < layout.shape.n_cols && row < layout.shape.n_rows;
+                let cell = Cell { col, row };
+                if is_inside && !*result.get(cell) && is_unseen(cell) {
+                    result.set(cell, true);
+                    next.push(cell);
+                }
+            }
+        }
+        border = next;
+    }
 }
 
 fn mark(grid: &mut Grid<bool>, at: Point2) {
@@ -56,13 +99,19 @@ fn mark(grid: &mut Grid<bool>, at: Point2) {
     }
 }
 
-/// Marks from a seen cell on, until floor that is known to be free.
-fn mark_behind(result: &mut Grid<bool>, base: &Grid<Occupancy>, seen: Point2, away: Vector2<f64>) {
+/// How broad cells are across a direction, metres.
+fn breadth_m(cells: &[Point2], along: Vector2<f64>) -> f64 {
+    let across = cells.iter().map(|p| p.coords.perp(&along));
+    let (low, high) = across.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), m| (l.min(m), h.max(m)));
+    (high - low).max(0.0)
+}
+
+/// Marks from a seen cell on, over all of `depth`, until floor that is known to be free.
+fn mark_behind(result: &mut Grid<bool>, base: &Grid<Occupancy>, seen: Point2, depth: Vector2<f64>) {
     // Half a cell at a time, so that a slanting line leaves no cell out.
-    let step_m = result.layout().resolution_m / 2.0;
-    let n_steps = (DEPTH_M_MAX / step_m) as usize;
+    let n_steps = (2.0 * depth.norm() / result.layout().resolution_m) as usize;
     for k in 1..=n_steps {
-        let at = seen + away * (k as f64 * step_m);
+        let at = seen + depth * (k as f64 / n_steps as f64);
         let is_hidden = base.layout().cell_at(at).is_some_and(|cell| *base.get(cell) != Occupancy::Free);
         if is_hidden {
             mark(result, at);
@@ -100,7 +149,7 @@ mod tests {
     }
 
     /// A box of this depth, its face from (0, -0.6) to (0, 0.6) seen from (-2, 0), on a floor that the LiDAR knows.
-    fn found(depth_m: f64, is_known: impl Fn(Point2) -> bool) -> Grid<bool> {
+    fn found(depth_m: f64, hidden: Hidden, is_known: impl Fn(Point2) -> bool) -> Grid<bool> {
         let face = grid(Point2::new(-0.2, -0.8), Point2::new(0.2, 0.8), |p| {
             (0.0..0.05).contains(&p.x) && p.y.abs() < 0.6
         });
@@ -108,7 +157,7 @@ mod tests {
             let is_inside = (0.0..depth_m).contains(&p.x) && p.y.abs() < 0.6;
             if is_inside || !is_known(p) { Occupancy::Unknown } else { Occupancy::Free }
         });
-        with_hidden(&face, &base, Point2::new(-2.0, 0.0), 0.25).unwrap()
+        with_hidden(&face, &base, Point2::new(-2.0, 0.0), 0.25, hidden).unwrap()
     }
 
     fn holds(grid: &Grid<bool>, x: f64, y: f64) -> bool {
@@ -117,15 +166,21 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_thing_is_as_deep_as_the_ground_behind_its_face_is_unknown(depth_m in 0.3..1.1_f64, y in -0.5..0.5_f64) {
-            let found = found(depth_m, |_| true);
+        fn a_thing_is_as_deep_as_the_ground_behind_its_face_is_unknown(
+            depth_m in 0.3..1.1_f64, y in -0.5..0.5_f64, is_around in any::<bool>(),
+        ) {
+            let hidden = if is_around { Hidden::Around } else { Hidden::Behind };
+            let found = found(depth_m, hidden, |_| true);
             prop_assert!(holds(&found, 0.01, y) && holds(&found, depth_m - 0.08, y));
             prop_assert!(!holds(&found, depth_m + 0.08, y), "beyond its far side");
         }
 
         #[test]
-        fn what_is_known_to_be_free_is_never_marked(depth_m in 0.0..1.1_f64, x in -0.9..2.0_f64, y in -1.5..1.5_f64) {
-            let found = found(depth_m, |_| true);
+        fn what_is_known_to_be_free_is_never_marked(
+            depth_m in 0.0..1.1_f64, x in -0.9..2.0_f64, y in -1.5..1.5_f64, is_around in any::<bool>(),
+        ) {
+            let hidden = if is_around { Hidden::Around } else { Hidden::Behind };
+            let found = found(depth_m, hidden, |_| true);
             let is_free = x < -0.08 || x > depth_m.max(0.06) + 0.08 || y.abs() > 0.68;
             prop_assert!(!(is_free && holds(&found, x, y)));
         }
@@ -133,15 +188,22 @@ mod tests {
 
     #[test]
     fn where_nothing_is_known_the_depth_is_limited_and_no_wider_than_the_face() {
-        let found = found(0.5, |p| p.x < 0.0);
+        let found = found(0.5, Hidden::Behind, |p| p.x < 0.0);
         assert!(holds(&found, 1.1, 0.0) && !holds(&found, 1.35, 0.0));
         assert!(!holds(&found, 0.5, 0.75) && !holds(&found, -0.15, 0.0));
     }
 
     #[test]
+    fn what_something_nearer_hides_may_be_a_part_of_the_thing() {
+        // Nobody has seen the ground beyond y = 0.5.
+        let beside = |hidden| holds(&found(0.5, hidden, |p| p.y < 0.5), 0.02, 1.2);
+        assert!(beside(Hidden::Around) && !beside(Hidden::Behind));
+    }
+
+    #[test]
     fn nothing_hides_behind_what_the_lidar_sees_through() {
         // A table top: the scan passes between its legs.
-        let seen = found(0.0, |_| true);
+        let seen = found(0.0, Hidden::Around, |_| true);
         let n = seen.values().iter().filter(|on| **on).count();
         assert_eq!(n, 24, "the face itself: 1.2 m of 5 cm cells");
     }

@@ -5,15 +5,15 @@
 
 use std::path::Path;
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use geometry::Point2;
 use heedway_simulator::scene::Scene;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
-use proto::{BaseMap, CellSet, GridLayout};
+use proto::{BaseMap, CellSet};
 
-use super::outlines;
 use super::record::Record;
+use crate::drawing::{self, cell_box};
 
 /// Width of the picture, pixels.
 const WIDTH_PX: u32 = 1200;
@@ -43,9 +43,8 @@ type Map<'a> = ChartContext<'a, BitMapBackend<'a>, Cartesian2d<RangedCoordf64, R
 /// # Errors
 /// When the file cannot be written.
 pub fn write(file: &Path, scene: &Scene, words: &str, without: &Record, with: &Record) -> anyhow::Result<()> {
-    plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
-        .map_err(|_| anyhow!("the built-in font cannot be read"))?;
-    let (low, high) = outlines::bounds(scene);
+    drawing::use_fonts()?;
+    let (low, high) = drawing::bounds(scene);
     let (width_m, height_m) = (high.x - low.x + 2.0 * BORDER_M, high.y - low.y + 2.0 * BORDER_M);
     // One metre is as long along y as along x.
     let px_per_m = (f64::from(WIDTH_PX - FRAME_PX.0) / width_m).min(MAP_HEIGHT_PX_MAX / height_m);
@@ -76,7 +75,7 @@ fn draw_map(
     without: &Record,
     with: &Record,
 ) -> anyhow::Result<()> {
-    let (low, high) = outlines::bounds(scene);
+    let (low, high) = drawing::bounds(scene);
     let (x, y) = (low.x - BORDER_M..high.x + BORDER_M, low.y - BORDER_M..high.y + BORDER_M);
     let shown: String = words.chars().take(N_WORDS_CHARS).collect();
     let mut chart = ChartBuilder::on(area)
@@ -120,13 +119,13 @@ fn draw_base_map(chart: &mut Map<'_>, records: [&Record; 2], bounds: (Point2, Po
 }
 
 fn draw_scene(chart: &mut Map<'_>, scene: &Scene) -> anyhow::Result<()> {
-    chart.draw_series([PathElement::new(outlines::floor(scene), BLACK.stroke_width(2))])?;
+    chart.draw_series([PathElement::new(drawing::floor_outline(scene), BLACK.stroke_width(2))])?;
     for object in &scene.objects {
         let [r, g, b] = object.rgb.unwrap_or([150, 150, 150]);
-        let parts = outlines::object(object);
+        let parts = drawing::object_outlines(object);
         let fill = RGBColor(r, g, b).mix(0.30).filled();
         chart.draw_series(parts.iter().map(|part| Polygon::new(part.clone(), fill)))?;
-        if outlines::has_edges(object) {
+        if drawing::has_edges(object) {
             let edge = RGBColor(r / 2, g / 2, b / 2).mix(0.8).stroke_width(1);
             chart.draw_series(parts.into_iter().map(|part| PathElement::new(part, edge)))?;
         }
@@ -148,7 +147,7 @@ fn draw_regions(chart: &mut Map<'_>, with: &Record) -> anyhow::Result<()> {
 
 fn draw_paths(chart: &mut Map<'_>, scene: &Scene, without: &Record, with: &Record) -> anyhow::Result<()> {
     let path = |record: &Record| -> Vec<(f64, f64)> {
-        record.moments.iter().map(|m| (m.position_map.x, m.position_map.y)).collect()
+        record.moments.iter().map(|m| (m.map_from_base.x_m, m.map_from_base.y_m)).collect()
     };
     let (red, green) = (WITHOUT.stroke_width(4), WITH.stroke_width(4));
     chart.draw_series(DashedLineSeries::new(spaced(path(without)), 12, 8, red))?;
@@ -207,7 +206,7 @@ fn draw_speeds(
 ) -> anyhow::Result<()> {
     let end_s = without.time_s().max(with.time_s()).max(1.0);
     let speeds = |record: &Record| -> Vec<(f64, f64)> {
-        record.moments.iter().map(|moment| (moment.time_s, moment.speed_m_s)).collect()
+        record.moments.iter().map(|moment| (moment.time_s, moment.twist.speed_m_s)).collect()
     };
     let fastest = speeds(without).into_iter().chain(speeds(with)).map(|(_, speed)| speed).fold(0.1, f64::max);
     let mut chart = ChartBuilder::on(area)
@@ -230,24 +229,14 @@ fn draw_speeds(
     Ok(())
 }
 
-/// Lower left and upper right corner of a cell, by its place in row-major order.
-fn cell_box(layout: &GridLayout, idx: usize) -> [(f64, f64); 2] {
-    let n_cols = (layout.n_cols as usize).max(1);
-    let (col, row) = ((idx % n_cols) as f64, (idx / n_cols) as f64);
-    let corner = |col: f64, row: f64| {
-        (layout.origin_map.x + col * layout.resolution_m, layout.origin_map.y + row * layout.resolution_m)
-    };
-    [corner(col, row), corner(col + 1.0, row + 1.0)]
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::judge::Judge;
     use super::super::record::Moment;
     use super::*;
-    use geometry::Pose2;
+    use geometry::{Pose2, Twist};
     use heedway_simulator::scene::Hull;
-    use proto::{Grounding, Header, ObjectMap};
+    use proto::{GridLayout, Grounding, Header, ObjectMap};
 
     fn office() -> Scene {
         let hull = Hull { radius_m: 0.25, height_m: 0.45 };
@@ -266,8 +255,8 @@ mod tests {
                 let bump = (share * std::f64::consts::PI).sin();
                 Moment {
                     time_s: 10.0 * share,
-                    position_map: Point2::new(straight.x, straight.y + aside_m * bump),
-                    speed_m_s: bump,
+                    map_from_base: Pose2::new(straight.x, straight.y + aside_m * bump, 0.0),
+                    twist: Twist::new(bump, 0.0),
                 }
             })
             .collect();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use geometry::Point2;
+use geometry::{Pose2, Twist};
 use proto::{BaseMap, FilterStatus, ObjectMap, Truth};
 
 use super::judge::{Finding, Judge};
@@ -13,10 +13,10 @@ use crate::hearing::Heard;
 pub struct Moment {
     /// Seconds since the goal was given.
     pub time_s: f64,
-    /// Where the robot's middle was.
-    pub position_map: Point2,
-    /// How fast it drove, m/s.
-    pub speed_m_s: f64,
+    /// Where the robot was.
+    pub map_from_base: Pose2,
+    /// How it moved.
+    pub twist: Twist,
 }
 
 /// One run.
@@ -98,11 +98,7 @@ impl Record {
         let time_s = truth.time_s - *self.start_s.get_or_insert(truth.time_s);
         self.clearance_m_min = self.clearance_m_min.min(truth.clearance_m);
         self.judge.see(time_s, truth);
-        self.moments.push(Moment {
-            time_s,
-            position_map: truth.map_from_base.position(),
-            speed_m_s: truth.twist.speed_m_s,
-        });
+        self.moments.push(Moment { time_s, map_from_base: truth.map_from_base, twist: truth.twist });
     }
 
     fn count_tick(&mut self, status: &FilterStatus) {
@@ -121,7 +117,7 @@ impl Record {
     #[must_use]
     pub fn path_m(&self) -> f64 {
         let steps = self.moments.iter().zip(self.moments.iter().skip(1));
-        steps.map(|(a, b)| (b.position_map - a.position_map).norm()).sum()
+        steps.map(|(a, b)| (b.map_from_base.position() - a.map_from_base.position()).norm()).sum()
     }
 
     /// Time the filter took in a tick, milliseconds: the `share`-th part of the ticks took no longer.
@@ -163,7 +159,7 @@ mod tests {
     #[test]
     fn a_path_is_as_long_as_its_steps() {
         let mut record = Record::new("with", Judge::default());
-        let moment = |x, y| Moment { time_s: 0.0, position_map: Point2::new(x, y), speed_m_s: 0.0 };
+        let moment = |x, y| Moment { time_s: 0.0, map_from_base: Pose2::new(x, y, 0.0), twist: Twist::ZERO };
         record.moments = vec![moment(0.0, 0.0), moment(3.0, 4.0), moment(3.0, 5.0)];
         assert!((record.path_m() - 6.0).abs() < 1e-12);
     }

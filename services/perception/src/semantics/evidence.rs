@@ -5,7 +5,7 @@
 
 use geometry::Point2;
 use mapping::floor_area::{FloorArea, ObjectKind, object_kind};
-use mapping::occupancy::{HeightBand, OccupancyError, Relation, footprint_seen_from, with_hidden};
+use mapping::occupancy::{HeightBand, Hidden, OccupancyError, Relation, footprint_seen_from, with_hidden};
 use mapping::projection::{DepthLimits, project};
 use mapping::tsdf::{Tsdf, TsdfConfigError};
 use mapping::{DepthFrame, Grid, ImageError, Mask, Occupancy};
@@ -126,7 +126,7 @@ impl Evidence {
         relation: Relation,
         band: HeightBand,
         config: &MapConfig,
-        base: Option<&Grid<Occupancy>>,
+        base: Option<(&Grid<Occupancy>, Hidden)>,
     ) -> Result<Grid<bool>, OccupancyError> {
         if !self.is_flat() {
             let (sum, n_eyes) = self.eyes;
@@ -134,8 +134,8 @@ impl Evidence {
             let points = self.tsdf.surface_points();
             let seen = footprint_seen_from(&points, relation, band, &config.closing, seen_from)?;
             return match (relation, base, seen_from) {
-                (Relation::Near | Relation::On, Some(base), Some(seen_from)) => {
-                    Ok(with_hidden(&seen, base, seen_from, config.closing.join_m)?)
+                (Relation::Near | Relation::On, Some((base, hidden)), Some(seen_from)) => {
+                    Ok(with_hidden(&seen, base, seen_from, config.closing.join_m, hidden)?)
                 }
                 _ => Ok(seen),
             };

@@ -2,12 +2,12 @@
 
 use geometry::Point2;
 use mapping::morphology::groups;
-use mapping::occupancy::{HeightBand, OccupancyError, Relation};
+use mapping::occupancy::{HeightBand, Hidden, OccupancyError, Relation};
 use mapping::region::region;
 use mapping::{Grid, GridError, Layout, Occupancy};
 use nalgebra::Vector2;
 use proto::CellSet;
-use rules::Rule;
+use rules::{Rule, RuleType};
 
 use super::evidence::Evidence;
 use super::models::Understood;
@@ -97,6 +97,9 @@ pub fn region_of(
     config: &MapConfig,
 ) -> Result<Region, Missing> {
     let relation = relation_of(rule).ok_or_else(|| Missing::CannotTell("needs no object".to_owned()))?;
+    // Where the robot may go, only slower, too large a region costs little.
+    let is_passable = rule.rule_type == RuleType::Kinematic && rule.vel_max != Some(0.0);
+    let base = known.base.map(|base| (base, if is_passable { Hidden::Around } else { Hidden::Behind }));
     let mut footprints = Vec::new();
     let (mut n_places, mut excepts_honoured) = (0, false);
     for (phrase, evidence) in phrases(rule).into_iter().zip(seen) {
@@ -113,8 +116,7 @@ pub fn region_of(
         if let Understood::NotAtAll(words) = &evidence.understood {
             return Err(Missing::NotSeen(words.clone()));
         }
-        footprints
-            .push(evidence.footprint(relation, band, config, known.base).map_err(|e| missing(phrase, &e))?);
+        footprints.push(evidence.footprint(relation, band, config, base).map_err(|e| missing(phrase, &e))?);
     }
     let first = footprints.first().ok_or_else(|| Missing::CannotTell("nothing to look for".to_owned()))?;
     let second = footprints.get(1);

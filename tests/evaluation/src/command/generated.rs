@@ -48,7 +48,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         let case = scene.cases.first();
         let name = case.map_or_else(|| "no-rule".to_owned(), |case| format!("0:{}", case.kind));
         let best = Survey::new(&scene, &profile)?.best(case);
-        let task = Task { scene: &scene, say: case.map(|case| case.say.as_str()), case, condition, best };
+        let task = Task {
+            scene: &scene,
+            say: case.map(|case| case.say.as_str()),
+            case,
+            condition,
+            best,
+            record: None,
+        };
         let (line, _) = judged(&task, &name)?;
         let mut out = std::io::stdout().lock();
         writeln!(out, "{}", serde_json::to_string(&line)?)?;

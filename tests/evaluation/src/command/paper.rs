@@ -1,25 +1,23 @@
-//! `heedway-eval paper`: the suite of the paper, resumable, with its tables.
+//! `heedway-eval paper`: the suite of the paper, resumable, with its tables, charts and pictures.
 //!
-//! Every trial is one line of `results.jsonl` in the output folder; a trial that has its line is not played again.
-//! `results.csv` and `summary.md` are written anew at the end.
+//! `results.csv`, `summary.md`, the charts and the pictures are written anew at the end, from what was played.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use clap::Args;
 use heedway_simulator::scene::{Hull, Scene};
 
-use crate::check::{Best, Survey};
-use crate::condition::{Condition, Event, Masks, Method, Planner, Sensing};
-use crate::outcome::{Line, judged};
-use crate::setup::profile;
-use crate::summary;
-use crate::trial::Task;
+use super::options::robot;
+use crate::condition::{Event, Method, Planner, Sensing};
+use crate::outcome::{Line, Outcome};
+use crate::picture::{self, Runs};
+use crate::suite::{self, Chosen, Matrix};
+use crate::trace::Trace;
+use crate::{chart, summary};
 
 /// Arguments of `heedway-eval paper`.
 #[derive(Args, Debug)]
@@ -30,18 +28,24 @@ pub struct Arguments {
     /// Where results are kept and written.
     #[arg(long, default_value = "target/evaluation")]
     out: PathBuf,
-    /// Every good case of every scene, both planners, both sensings; else one case a scene, planner with rules, perfect.
+    /// Every good case of every scene, both planners, perfect and noisy; else one case a scene.
     #[arg(long)]
     full: bool,
+    /// Every good case of every scene.
+    #[arg(long)]
+    all_cases: bool,
     /// Only these methods.
     #[arg(long, value_enum, value_delimiter = ',')]
     methods: Vec<Method>,
-    /// How well the robot senses, without `--full`.
-    #[arg(long, value_enum, default_value_t = Sensing::Perfect)]
-    sensing: Sensing,
-    /// What the planner sees, without `--full`.
-    #[arg(long, value_enum, default_value_t = Planner::Rules)]
-    planner: Planner,
+    /// How well the robot senses; several are crossed.
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Sensing::Perfect])]
+    sensing: Vec<Sensing>,
+    /// What the planner sees; several are crossed.
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Planner::Rules])]
+    planner: Vec<Planner>,
+    /// What happens beside driving; several are crossed.
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Event::None])]
+    event: Vec<Event>,
     /// Trials of each case; seeds count up from 1.
     #[arg(long, default_value_t = 5)]
     trials: u64,
@@ -53,59 +57,49 @@ pub struct Arguments {
     camera_divisor: u32,
 }
 
-/// One trial to play.
-struct Job<'a> {
-    scene: &'a Scene,
-    case_idx: usize,
-    name: String,
-    condition: Condition,
-    best: Option<Best>,
-}
-
-impl Job<'_> {
-    fn key(&self) -> String {
-        let c = &self.condition;
-        key(&self.scene.name, &self.name, c.method, c.planner, c.sensing, c.seed)
+impl Arguments {
+    fn matrix(&self) -> Matrix {
+        let (planners, sensings) = if self.full {
+            (vec![Planner::Rules, Planner::Base], vec![Sensing::Perfect, Sensing::Noisy])
+        } else {
+            (self.planner.clone(), self.sensing.clone())
+        };
+        Matrix {
+            all_cases: self.full || self.all_cases,
+            methods: if self.methods.is_empty() { Method::ALL.to_vec() } else { self.methods.clone() },
+            planners,
+            sensings,
+            events: self.event.clone(),
+            n_trials: self.trials,
+            camera_divisor: self.camera_divisor,
+        }
     }
 }
 
-fn key(scene: &str, case: &str, method: Method, planner: Planner, sensing: Sensing, seed: u64) -> String {
-    format!("{scene}/{case}/{}/{planner:?}/{sensing:?}/{seed}", method.word())
-}
-
-/// Plays what has not been played, and writes the tables.
+/// Plays what has not been played, and writes tables, charts and pictures.
 ///
 /// # Errors
 /// When a scene cannot be read or a file not be written.
 pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    std::fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("create {} (--out)", arguments.out.display()))?;
-    let scenes = read_scenes(&arguments.scenes)?;
-    let jobs = plan(arguments, &scenes)?;
-    let file = arguments.out.join("results.jsonl");
-    let done = read_lines(&file)?;
-    let played: BTreeSet<String> =
-        done.iter().map(|l| key(&l.scene, &l.case, l.method, l.planner, l.sensing, l.seed)).collect();
-    let wanted: BTreeSet<String> = jobs.iter().map(Job::key).collect();
-    let left: Vec<&Job<'_>> = jobs.iter().filter(|job| !played.contains(&job.key())).collect();
-    eprintln!("{} trials, {} played before", jobs.len(), jobs.len() - left.len());
-    play_all(&left, &file, arguments.jobs.max(1))?;
-    let mut lines = read_lines(&file)?;
-    lines.retain(|l| wanted.contains(&key(&l.scene, &l.case, l.method, l.planner, l.sensing, l.seed)));
-    lines.sort_by(|a, b| {
-        let by = |l: &Line| (l.scene.clone(), l.case.clone(), l.method, l.planner, l.sensing, l.seed);
-        by(a).cmp(&by(b))
-    });
-    std::fs::write(arguments.out.join("results.csv"), summary::csv(&lines)).context("write results.csv")?;
+    let (profile, hull) = robot()?;
+    let matrix = arguments.matrix();
+    let scenes = read_scenes(&arguments.scenes, hull)?;
+    let chosen = suite::choose(&scenes, matrix.all_cases, &profile)?;
+    let jobs = suite::jobs(&chosen, &matrix);
+    let lines = suite::play(&jobs, &arguments.out, arguments.jobs)?;
+    let write = |name: &str, text: &str| {
+        let file = arguments.out.join(name);
+        std::fs::write(&file, text).with_context(|| format!("write {}", file.display()))
+    };
+    write("results.csv", &summary::csv(&lines))?;
     let page = summary::markdown(&lines);
-    std::fs::write(arguments.out.join("summary.md"), &page).context("write summary.md")?;
+    write("summary.md", &page)?;
+    draw(&lines, &chosen, &arguments.out)?;
     writeln!(std::io::stdout().lock(), "{page}")?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn read_scenes(folder: &Path) -> anyhow::Result<Vec<Scene>> {
-    let profile = profile(1)?;
-    let hull = Hull { radius_m: profile.radius_m, height_m: profile.height_m };
+fn read_scenes(folder: &Path, hull: Hull) -> anyhow::Result<Vec<Scene>> {
     let entries = std::fs::read_dir(folder).with_context(|| format!("folder {}", folder.display()))?;
     let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     files.retain(|file| file.extension().is_some_and(|extension| extension == "json"));
@@ -113,78 +107,31 @@ fn read_scenes(folder: &Path) -> anyhow::Result<Vec<Scene>> {
     files.iter().map(|file| Ok(Scene::load(file, hull)?)).collect()
 }
 
-fn plan<'a>(arguments: &Arguments, scenes: &'a [Scene]) -> anyhow::Result<Vec<Job<'a>>> {
-    let profile = profile(1)?;
-    let methods = if arguments.methods.is_empty() { &Method::ALL[..] } else { &arguments.methods };
-    let (planners, sensings) = if arguments.full {
-        (vec![Planner::Rules, Planner::Base], vec![Sensing::Perfect, Sensing::Noisy])
-    } else {
-        (vec![arguments.planner], vec![arguments.sensing])
-    };
-    let mut jobs = Vec::new();
-    for (scene_idx, scene) in scenes.iter().enumerate() {
-        let survey = Survey::new(scene, &profile)?;
-        let mut good: Vec<usize> = (0..scene.cases.len()).collect();
-        good.retain(|idx| scene.cases.get(*idx).is_some_and(|case| survey.check(case).refused.is_empty()));
-        if !arguments.full && !good.is_empty() {
-            // Another kind in each scene, so that one case a scene covers them all.
-            good = vec![good[scene_idx % good.len()]];
-        }
-        for case_idx in good {
-            let best = survey.best(scene.cases.get(case_idx));
-            let kind = scene.cases.get(case_idx).map_or("", |case| case.kind.as_str());
-            for method in methods {
-                for planner in &planners {
-                    for sensing in &sensings {
-                        jobs.extend((1..=arguments.trials).map(|seed| Job {
-                            scene,
-                            case_idx,
-                            name: format!("{case_idx}:{kind}"),
-                            best,
-                            condition: Condition {
-                                method: *method,
-                                planner: *planner,
-                                sensing: *sensing,
-                                event: Event::None,
-                                masks: Masks::Models,
-                                filter_off: false,
-                                seed,
-                                camera_divisor: arguments.camera_divisor,
-                            },
-                        }));
-                    }
-                }
+/// A chart for each condition, and a picture for each condition and case.
+fn draw(lines: &[Line], chosen: &[Chosen<'_>], out: &Path) -> anyhow::Result<()> {
+    let mut conditions: BTreeMap<String, Vec<&Line>> = BTreeMap::new();
+    for line in lines {
+        conditions.entry(summary::condition_of(line)).or_default().push(line);
+    }
+    for (condition, lines) in conditions {
+        let word = condition.replace("planner ", "").replace("sensing ", "").replace("event ", "");
+        let folder = out.join(word.replace(", ", "-"));
+        std::fs::create_dir_all(&folder).with_context(|| format!("create {}", folder.display()))?;
+        chart::write(&folder.join("rates.png"), &condition, &lines)?;
+        for Chosen { scene, name, case_idx, .. } in chosen {
+            let mut by_method: BTreeMap<Method, Runs> = BTreeMap::new();
+            for line in lines.iter().filter(|l| l.scene == scene.name && l.case == *name) {
+                let trace = Trace::read(&suite::path_file(out, &suite::key_of(line))).unwrap_or_default();
+                let runs = by_method
+                    .entry(line.method)
+                    .or_insert_with(|| Runs { method: line.method, runs: Vec::new() });
+                runs.runs.push((trace, line.outcome == Outcome::Success));
             }
+            let all: Vec<Runs> = by_method.into_values().collect();
+            let words = scene.cases.get(*case_idx).map_or("", |case| case.say.as_str());
+            let file = folder.join(format!("{}-{case_idx}.png", scene.name));
+            picture::write(&file, scene, &format!("{}: “{words}”", scene.name), &all)?;
         }
     }
-    Ok(jobs)
-}
-
-fn read_lines(file: &Path) -> anyhow::Result<Vec<Line>> {
-    let Ok(text) = std::fs::read_to_string(file) else { return Ok(Vec::new()) };
-    // A line that was cut off when the last run was ended is played again.
-    Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
-}
-
-fn play_all(jobs: &[&Job<'_>], file: &Path, n_threads: usize) -> anyhow::Result<()> {
-    let out = std::fs::OpenOptions::new().create(true).append(true).open(file);
-    let out = Mutex::new(out.with_context(|| format!("open {}", file.display()))?);
-    let (next, n_done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let work = || -> anyhow::Result<()> {
-        while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let case = job.scene.cases.get(job.case_idx);
-            let say = case.map(|case| case.say.as_str());
-            let task = Task { scene: job.scene, say, case, condition: job.condition, best: job.best };
-            let (line, _) = judged(&task, &job.name)?;
-            let text = serde_json::to_string(&line)?;
-            writeln!(out.lock().map_err(|_| anyhow!("another trial failed"))?, "{text}")?;
-            let n_done = n_done.fetch_add(1, Ordering::Relaxed) + 1;
-            eprintln!("{n_done}/{} {} {:?}", jobs.len(), job.key(), line.outcome);
-        }
-        Ok(())
-    };
-    std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..n_threads).map(|_| scope.spawn(work)).collect();
-        threads.into_iter().try_for_each(|t| t.join().map_err(|_| anyhow!("a trial panicked"))?)
-    })
+    Ok(())
 }

@@ -1,7 +1,7 @@
 //! `heedway-eval scene`: trials in any scene file, a line each.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
@@ -11,6 +11,7 @@ use heedway_simulator::scene::{Case, Scene};
 use super::options::{Options, robot};
 use crate::check::Survey;
 use crate::outcome::{Line, judged};
+use crate::processes;
 use crate::trial::{Run, Task};
 
 /// Arguments of `heedway-eval scene`.
@@ -35,6 +36,15 @@ pub struct Arguments {
     /// Writes `results.jsonl` and each path here.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Records each trial as MCAP, for Foxglove or Lichtblick; with several, their numbers become part of the name.
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
+    /// Plays each trial with the real services as processes too, and compares; the exit code tells whether they agree.
+    #[arg(long)]
+    processes: bool,
+    /// The `heedway` binary for `--processes`; the one beside this program when not given.
+    #[arg(long, value_name = "FILE", requires = "processes")]
+    heedway: Option<PathBuf>,
     /// One JSON object a line, and nothing else, on standard output.
     #[arg(long)]
     json: bool,
@@ -59,12 +69,25 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         std::fs::create_dir_all(folder).with_context(|| format!("create {} (--out)", folder.display()))?;
     }
     let best = Survey::new(&scene, &profile)?.best(words.case);
-    let mut lines = Vec::new();
+    let heedway =
+        arguments.processes.then(|| processes::heedway(arguments.heedway.as_deref())).transpose()?;
+    let (mut lines, mut agrees) = (Vec::new(), true);
     for k in 0..arguments.trials {
         let condition = arguments.options.condition(k);
-        let task = Task { scene: &scene, say: words.say, case: words.case, condition, best };
+        let record = arguments.mcap.as_ref().map(|file| numbered(file, k, arguments.trials));
+        let task = Task {
+            scene: &scene,
+            say: words.say,
+            case: words.case,
+            condition,
+            best,
+            record: record.as_deref(),
+        };
         let (line, run) = judged(&task, &words.name)?;
         tell(arguments, &line)?;
+        if let Some(heedway) = &heedway {
+            agrees &= compare(&task, &line, &arguments.file, heedway)?;
+        }
         if let Some(folder) = &arguments.out {
             let name = format!("{}-{}-{}.csv", line.scene, line.method.word(), line.seed);
             std::fs::write(folder.join(&name), path_csv(&run)).with_context(|| format!("write {name}"))?;
@@ -79,7 +102,21 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         std::fs::write(folder.join("results.jsonl"), texts.join("\n") + "\n")
             .context("write results.jsonl")?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(if agrees { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Plays a trial again with real processes; tells, and gives, whether both agree.
+fn compare(task: &Task<'_>, line: &Line, file: &Path, heedway: &Path) -> anyhow::Result<bool> {
+    let played = processes::play(task, file, heedway)?;
+    let differences = processes::agreement(line, &played);
+    let reached =
+        played.reached_s.map_or_else(|| "not reached".to_owned(), |s| format!("reached in {s:.1} s"));
+    let kept = played.findings.first.as_deref().unwrap_or("rules kept");
+    eprintln!("processes: {reached}, {:.1} m, {} contacts, {kept}", played.path_m, played.n_collisions);
+    for difference in &differences {
+        eprintln!("differs: {difference}");
+    }
+    Ok(differences.is_empty())
 }
 
 fn words<'a>(arguments: &'a Arguments, scene: &'a Scene) -> anyhow::Result<Words<'a>> {
@@ -104,6 +141,16 @@ fn words<'a>(arguments: &'a Arguments, scene: &'a Scene) -> anyhow::Result<Words
             bail!("scene {:?} has no case {asked}, its {n_cases} cases count from 0", scene.name)
         }
     }
+}
+
+/// The file of the `k`-th trial, from 0: `run.mcap`, or `run-1.mcap` and so on.
+fn numbered(file: &Path, k: u64, n_trials: u64) -> PathBuf {
+    if n_trials == 1 {
+        return file.to_owned();
+    }
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = file.extension().map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
+    file.with_file_name(format!("{stem}-{}{extension}", k + 1))
 }
 
 /// Words without case and punctuation.

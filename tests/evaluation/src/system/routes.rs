@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use heedway_cli::recording::Heard as Noted;
 use heedway_filter::{Heard, Input as FilterInput, Output as FilterOutput};
 use heedway_language::decider::{Input as LanguageInput, Output as LanguageOutput, Recorded};
 use heedway_navigator::{Input as NavigatorInput, Output as NavigatorOutput, plan};
@@ -91,6 +92,7 @@ impl System {
     fn deliver(&mut self, message: Message) {
         match message {
             Message::Odometry(m) => {
+                self.note(Noted::Odometry(&m));
                 self.tell_localisation(localisation::Input::Odometry(m.clone()));
                 self.tell_semantics(semantics::Input::Odometry(m.clone()));
                 self.tell_language(LanguageInput::Odometry(m.clone()));
@@ -98,27 +100,38 @@ impl System {
                 self.tell_filter(FilterInput::Odometry(self.heard(m)));
             }
             Message::Scan(m) => {
+                self.note(Noted::Scan(&m));
                 self.tell_localisation(localisation::Input::Scan(m.clone()));
                 self.tell_filter(FilterInput::Scan(self.heard(m)));
             }
-            Message::Frame(m) => self.tell_semantics(semantics::Input::Frame(m)),
+            Message::Frame(m) => {
+                self.note(Noted::Frame(&m));
+                self.tell_semantics(semantics::Input::Frame(m));
+            }
             Message::Pose(m) => {
+                self.note(Noted::Pose(&m));
                 self.tell_semantics(semantics::Input::Pose(m.clone()));
                 self.tell_language(LanguageInput::Pose(m.clone()));
                 self.tell_navigator(NavigatorInput::Pose(m.clone(), self.now));
                 self.tell_filter(FilterInput::Pose(self.heard(m)));
             }
             Message::BaseMap(m) => {
+                self.note(Noted::BaseMap(&m));
                 self.tell_navigator(NavigatorInput::BaseMap(m.clone()));
-                self.tell_semantics(semantics::Input::BaseMap(m.clone()));
+                // Its boxes are all that Safe-Lang knows of things: nothing is added behind them.
+                if self.condition.method != Method::SafeLang {
+                    self.tell_semantics(semantics::Input::BaseMap(m.clone()));
+                }
                 self.told.base_map = Some(m.clone());
                 self.tell_filter(FilterInput::BaseMap(self.heard(m)));
             }
             Message::DepthObstacles(m) => {
+                self.note(Noted::DepthObstacles(&m));
                 self.tell_navigator(NavigatorInput::DepthObstacles(m.clone()));
                 self.tell_filter(FilterInput::DepthObstacles(self.heard(m)));
             }
             Message::ObjectMap(m) => {
+                self.note(Noted::ObjectMap(&m));
                 self.tell_navigator(NavigatorInput::ObjectMap(m.clone()));
                 self.told.regions.insert(m.rule_id.clone(), m.clone());
                 self.tell_filter(FilterInput::ObjectMap(self.heard(m)));
@@ -126,6 +139,7 @@ impl System {
             Message::SemanticsBeat(m) => self.tell_filter(FilterInput::SemanticsBeat(self.heard(m))),
             Message::Rules(m) => {
                 let m = self.as_the_method_takes_them(m);
+                self.note(Noted::Rules(&m));
                 self.tell_semantics(semantics::Input::Rules(m.clone()));
                 self.tell_navigator(NavigatorInput::Rules(m.clone()));
                 self.tell_filter(FilterInput::Rules(m));
@@ -180,7 +194,10 @@ impl System {
         for output in self.language.step(self.now, input) {
             match output {
                 LanguageOutput::PublishRules(m) => self.queue.push_back(Message::Rules(m)),
-                LanguageOutput::PublishReply(m) => self.told.replies.push(m),
+                LanguageOutput::PublishReply(m) => {
+                    self.note(Noted::Reply(&m));
+                    self.told.replies.push(m);
+                }
                 // A disk that keeps everything: the journal is not what is evaluated.
                 LanguageOutput::Record(_) => {
                     let recorded = Recorded { stored: Ok(()), audited: Ok(()) };
@@ -236,6 +253,7 @@ impl System {
                 FilterOutput::Status(status) => {
                     let has_changed = status.nominal.is_some_and(|nominal| nominal != status.sent);
                     self.told.n_interventions += u64::from(has_changed);
+                    self.note(Noted::Filter(&status));
                     self.told.filter = Some(*status);
                 }
                 FilterOutput::Held(m) => self.queue.push_back(Message::RulesHeld(m)),
@@ -253,7 +271,10 @@ impl System {
         for output in self.navigator.step(self.now, input) {
             match output {
                 NavigatorOutput::Command(m) => self.queue.push_back(Message::Nominal(m)),
-                NavigatorOutput::Status(status) => self.told.navigator = Some(status),
+                NavigatorOutput::Status(status) => {
+                    self.note(Noted::Navigator(&status));
+                    self.told.navigator = Some(status);
+                }
                 NavigatorOutput::Plan(job) => {
                     let ready = NavigatorInput::PlanReady(plan::make(&job, &self.setup.profile));
                     self.put_later(PLAN_TIME, Message::ToNavigator(Box::new(ready)));

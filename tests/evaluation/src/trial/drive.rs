@@ -22,6 +22,7 @@ const N_TURNS_A_POINT: u64 = 5;
 pub(super) struct Drive<'a> {
     task: &'a Task<'a>,
     hull: Hull,
+    brake_m_s2: f64,
     course: Course,
     /// Of the rules as they will be, before they are told.
     scout: Judge,
@@ -34,15 +35,26 @@ pub(super) struct Drive<'a> {
 
 impl<'a> Drive<'a> {
     /// Nothing is said yet.
-    pub(super) fn new(task: &'a Task<'a>, hull: Hull, course: Course) -> Self {
+    pub(super) fn new(task: &'a Task<'a>, hull: Hull, brake_m_s2: f64, course: Course) -> Self {
         let scout = Judge::new(task.case, task.scene, task.scene.map_from_start);
-        Drive { task, hull, course, scout, judge: None, speed_m_s: 0.0, accel_m_s2: 0.0, jerk_sum: 0.0 }
+        Drive {
+            task,
+            hull,
+            brake_m_s2,
+            course,
+            scout,
+            judge: None,
+            speed_m_s: 0.0,
+            accel_m_s2: 0.0,
+            jerk_sum: 0.0,
+        }
     }
 
     /// Says the words, and judges by them from here on, whether the robot hears them or not.
     pub(super) fn say(&mut self, system: &mut System, run: &mut Run) {
-        let (map_from_anchor, _, _) = system.truth();
-        self.judge = Some(Judge::new(self.task.case, self.task.scene, map_from_anchor));
+        let (map_from_anchor, twist, _) = system.truth();
+        let judge = Judge::new(self.task.case, self.task.scene, map_from_anchor);
+        self.judge = Some(judge.told_at_speed(twist.speed_m_s, self.brake_m_s2));
         if let Some(words) = self.task.say.filter(|_| system.listens()) {
             tell(system, run, words);
         }
@@ -86,8 +98,8 @@ impl<'a> Drive<'a> {
                 break;
             }
             let way_map = system.told.navigator.as_ref().map_or(&[][..], |status| status.path.as_slice());
-            let breaks = self.scout.breaks(&moment);
-            let progress = Progress { time_s, position_map: at, breaks, way_map };
+            let (breaks, room_m) = (self.scout.breaks(&moment), self.scout.room_m(&moment));
+            let progress = Progress { time_s, position_map: at, breaks, room_m, way_map };
             match self.course.next(&progress, truth) {
                 None => {}
                 Some(Deed::Say) => self.say(system, run),
@@ -144,7 +156,7 @@ impl<'a> Drive<'a> {
 fn tell(system: &mut System, run: &mut Run, words: &str) {
     system.put(Message::Instruction(Instruction::plain(words)));
     let reply = system.told.replies.last().map(|told| &told.reply);
-    if reply.is_none_or(|reply| reply.outcome != Outcome::Accept) {
+    if reply.is_none_or(|reply| !matches!(reply.outcome, Outcome::Accept | Outcome::Revoke)) {
         let said = reply.map_or("nothing", |reply| reply.say.as_str());
         run.remarks.push(format!("the words were not taken as a rule; the reply is: {said}"));
     }

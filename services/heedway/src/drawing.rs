@@ -1,8 +1,11 @@
-//! What of a scene is drawn: the floor's border, and what stands on it, as seen from above.
+//! What pictures of a scene are made of: the floor's border, what stands on it as seen from above, cells of grids.
 
+use anyhow::anyhow;
 use geometry::Point2;
 use heedway_simulator::scene::{Object, Scene};
 use heedway_simulator::solid::{Area, Band, Solid};
+use plotters::style::FontStyle;
+use proto::GridLayout;
 
 /// Corners of the polygon that a disc is drawn as.
 const N_DISC_CORNERS: usize = 24;
@@ -11,21 +14,31 @@ const N_DISC_CORNERS: usize = 24;
 pub type Outline = Vec<(f64, f64)>;
 
 /// The border of the floor.
-pub fn floor(scene: &Scene) -> Outline {
+#[must_use]
+pub fn floor_outline(scene: &Scene) -> Outline {
     closed(scene.floor.corners())
 }
 
 /// The outlines of one object's parts, at all heights.
-pub fn object(object: &Object) -> Vec<Outline> {
-    object.solids.iter().flat_map(|solid| solid.slice(Band::ALL)).map(|area| of_area(&area)).collect()
+#[must_use]
+pub fn object_outlines(object: &Object) -> Vec<Outline> {
+    object.solids.iter().flat_map(solid_outlines).collect()
+}
+
+/// The outlines of one solid, at all heights.
+#[must_use]
+pub fn solid_outlines(solid: &Solid) -> Vec<Outline> {
+    solid.slice(Band::ALL).iter().map(of_area).collect()
 }
 
 /// Whether the outlines of an object are its edges, and not the triangles of a mesh.
+#[must_use]
 pub fn has_edges(object: &Object) -> bool {
     !object.solids.iter().any(|solid| matches!(solid, Solid::Mesh(_)))
 }
 
 /// Lower left and upper right corner of the floor.
+#[must_use]
 pub fn bounds(scene: &Scene) -> (Point2, Point2) {
     let mut low = Point2::new(f64::INFINITY, f64::INFINITY);
     let mut high = Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY);
@@ -34,6 +47,26 @@ pub fn bounds(scene: &Scene) -> (Point2, Point2) {
         high = Point2::new(high.x.max(corner.x), high.y.max(corner.y));
     }
     (low, high)
+}
+
+/// Lower left and upper right corner of a cell, by its place in row-major order.
+#[must_use]
+pub fn cell_box(layout: &GridLayout, idx: usize) -> [(f64, f64); 2] {
+    let n_cols = (layout.n_cols as usize).max(1);
+    let (col, row) = ((idx % n_cols) as f64, (idx / n_cols) as f64);
+    let corner = |col: f64, row: f64| {
+        (layout.origin_map.x + col * layout.resolution_m, layout.origin_map.y + row * layout.resolution_m)
+    };
+    [corner(col, row), corner(col + 1.0, row + 1.0)]
+}
+
+/// Makes the built-in font known to the drawing library; again does no harm.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn use_fonts() -> anyhow::Result<()> {
+    plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
+        .map_err(|_| anyhow!("the built-in font cannot be read"))
 }
 
 fn of_area(area: &Area) -> Outline {
