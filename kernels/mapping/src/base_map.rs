@@ -208,8 +208,14 @@ impl BaseMapper {
         for beam in beams.iter().filter(|b| b.is_hit) {
             self.count_hit(beam.end);
         }
+        let mut last = None;
         for beam in &beams {
-            self.count_free(eye, beam.end);
+            // Neighbours that end in one cell pass the same ones, all but.
+            let cell = self.layout().cell_at(beam.end);
+            if cell != last {
+                self.count_free(eye, beam.end);
+                last = cell;
+            }
         }
         Ok(())
     }

@@ -4,22 +4,29 @@
 //! Things that stand where the map is free count against a match; several scans that do not fit, and the robot
 //! is lost: it is then looked for all over the map, a part with each scan.
 
-use geometry::{Point2, Pose2};
+use geometry::Pose2;
 use nalgebra::Vector2;
 
 use crate::base_map::{BaseMapError, Scan};
 use crate::grid::{Cell, Grid, Occupancy};
-use crate::scan_match::{self, Cloud, CloudPoint, MatchMap, Prior, Window};
-use crate::slam::{Agreement, Judge, MotionConfig, MotionModel, Standing};
+use crate::scan_match::{self, Candidate, Cloud, CloudPoint, FreeGrid, MatchMap, Prior, Window};
+use crate::slam::{Judge, MotionConfig, MotionModel, Standing, agrees, follow, is_motion};
 
 /// Share of a scan that must lie on the map for a lost robot to be there.
 const SHARE_FOUND: f64 = 0.75;
+/// So many places are compared, and the best must be better than the next by this much: places that look
+/// alike are none.
+const N_PLACES: usize = 3;
+const MARGIN: f64 = 0.1;
 /// With fewer points no place is told from another.
 const N_POINTS_MIN: usize = 40;
 /// A lost robot is looked for in squares of this half side, metres, one with each scan.
 const SQUARE_M: f64 = 5.0;
 /// A pose that was found anew this far from the foreseen one has jumped: metres.
 const JUMP_M: f64 = 0.3;
+/// How far off it may have been set down, metres and radians: one deviation.
+const START_SHIFT_M: f64 = 0.35;
+const START_TURN_RAD: f64 = 0.2;
 /// The direction of a wall is taken from occupied cells this near, cells.
 const NORMAL_REACH: isize = 3;
 
@@ -59,6 +66,7 @@ impl Localiser {
     ) -> Self {
         let mut map = MatchMap::new(occupancy.layout().resolution_m);
         map.insert(&surfaces(&occupancy), Pose2::IDENTITY);
+        map.set_free(free_of(&occupancy));
         Localiser {
             base_from_lidar,
             range_used_m,
@@ -84,7 +92,7 @@ impl Localiser {
     /// [`BaseMapError::Scan`] when the scan cannot be.
     pub fn step(&mut self, scan: &Scan<'_>, last_from_now: Option<Pose2>) -> Result<Found, BaseMapError> {
         scan.check()?;
-        let last_from_now = last_from_now.filter(Pose2::is_finite);
+        let last_from_now = last_from_now.filter(is_motion);
         let cloud = Cloud::of_scan(scan, self.base_from_lidar, self.range_used_m);
         let last = self.map_from_base;
         if self.judge.standing() == Standing::Lost {
@@ -93,29 +101,19 @@ impl Localiser {
             return Ok(self.found(has_jumped));
         }
         let foreseen = self.motion.foresee(last_from_now).after_misses(self.judge.n_bad());
-        let mut window = foreseen.window();
-        if self.is_first {
-            // Where it was set down is known roughly.
-            window = Window { shift_m: 1.0, turn_rad: 0.5 };
-        }
-        let prior = Prior {
-            map_from_scan: last * foreseen.last_from_now,
-            shift_m: window.shift_m / 3.0,
-            turn_rad: window.turn_rad / 3.0,
-        };
-        let best = scan_match::find(&self.map, &cloud, &prior, window);
-        let pose = best.map_or(prior.map_from_scan, |best| best.map_from_scan);
-        let is_free = |at: Point2| self.occupancy.at(at) == Some(&Occupancy::Free);
-        let agreement = Agreement::of(&cloud, Some(&self.map), pose, |at| is_free(pose.transform(at)));
-        let is_good = agreement.is_good(self.is_first || foreseen.expects(&(last.inverse() * pose)));
-        self.judge.hear(is_good);
-        if is_good {
-            self.motion.learn(&last, &pose, &foreseen);
-            self.map_from_base = pose;
+        // Where it was set down is known roughly.
+        let foreseen =
+            if self.is_first { foreseen.no_surer_than(START_SHIFT_M, START_TURN_RAD) } else { foreseen };
+        let window = foreseen.window();
+        let followed = follow(&self.map, &cloud, &last, &foreseen, window);
+        self.judge.hear(followed.is_some_and(|f| f.is_good));
+        if let Some(followed) = followed.filter(|f| f.is_good) {
+            self.motion.learn(&last, &followed.pose, &foreseen, followed.variance);
+            self.map_from_base = followed.pose;
             self.is_first = false;
         } else {
             self.motion.forget();
-            self.map_from_base = prior.map_from_scan;
+            self.map_from_base = last * foreseen.last_from_now;
         }
         Ok(self.found(false))
     }
@@ -138,13 +136,28 @@ impl Localiser {
         let middle = Pose2::new(at(low.x, nth % n_side.x), at(low.y, nth / n_side.x), 0.0);
         let prior = Prior { map_from_scan: middle, shift_m: 100.0, turn_rad: 10.0 };
         let window = Window { shift_m: SQUARE_M, turn_rad: std::f64::consts::PI };
-        let found = scan_match::find(&self.map, cloud, &prior, window);
-        let Some(found) = found.filter(|found| found.inlier_share >= SHARE_FOUND) else { return false };
+        let places = scan_match::candidates(&self.map, cloud, &prior, window, N_PLACES);
+        let other = places.get(1).map_or(f64::NEG_INFINITY, |other| other.score);
+        let is_sure = |c: &&Candidate| {
+            c.found.inlier_share >= SHARE_FOUND && c.score >= other + MARGIN && agrees(&c.evidence, false)
+        };
+        let Some(found) = places.first().filter(is_sure).map(|c| c.found) else { return false };
         let off_m = (found.map_from_scan.position() - self.map_from_base.position()).norm();
         self.map_from_base = found.map_from_scan;
         self.judge.found();
         off_m > JUMP_M
     }
+}
+
+/// The free cells.
+fn free_of(occupancy: &Grid<Occupancy>) -> FreeGrid {
+    let layout = occupancy.layout();
+    let mut free = FreeGrid::default();
+    free.make_room(layout.origin.cast(), layout.far_corner().cast());
+    for cell in layout.cells().filter(|cell| *occupancy.get(*cell) == Occupancy::Free) {
+        free.free(layout.centre(cell));
+    }
+    free
 }
 
 /// The occupied cells that border free ones, with the direction of what they are part of, towards the free side.

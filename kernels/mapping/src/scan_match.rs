@@ -12,12 +12,22 @@ use geometry::Pose2;
 
 pub mod cloud;
 pub mod correlate;
+pub mod evidence;
+pub mod free;
 pub mod map;
+mod placement;
+mod pyramid;
 pub mod refine;
+mod tiles;
 
 pub use cloud::{Cloud, CloudPoint};
+pub use evidence::Evidence;
+pub use free::FreeGrid;
 pub use map::MatchMap;
 pub use refine::Prior;
+
+/// So many places are found before any is looked at closely: heat alone knows nothing of free space.
+const N_PLACES_MAX: usize = 14;
 
 /// How far around a guess is looked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,13 +52,63 @@ pub struct Match {
     pub information: nalgebra::Matrix3<f64>,
 }
 
+/// A place that a scan may lie at, looked at closely.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// The exact place.
+    pub found: Match,
+    /// What speaks for it and against it.
+    pub evidence: Evidence,
+    /// Both in one number, less what it loses for being unexpected.
+    pub score: f64,
+}
+
 /// Finds a scan in a map around a guess.
 ///
 /// `None` when the scan or the map is empty.
 #[must_use]
 pub fn find(map: &MatchMap, cloud: &Cloud, guess: &Prior, window: Window) -> Option<Match> {
-    let coarse = correlate::search(map, cloud, guess.map_from_scan, window)?;
-    Some(refine::refine(map, cloud, coarse.map_from_scan, guess))
+    let places = correlate::search(map, cloud, guess, window, 1);
+    places.first().map(|place| refine::refine(map, cloud, place.map_from_scan, guess))
+}
+
+/// The places that a scan may lie at, at most `n_max`, the likeliest first.
+#[must_use]
+pub fn candidates(
+    map: &MatchMap,
+    cloud: &Cloud,
+    guess: &Prior,
+    window: Window,
+    n_max: usize,
+) -> Vec<Candidate> {
+    let mut places: Vec<(f64, Pose2)> = correlate::search(map, cloud, guess, window, N_PLACES_MAX.max(n_max))
+        .iter()
+        .map(|place| (rough_score(map, cloud, guess, &place.map_from_scan), place.map_from_scan))
+        .collect();
+    places.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut candidates: Vec<Candidate> = places
+        .iter()
+        .take(n_max)
+        .map(|(_, place)| candidate(map, cloud, guess, refine::refine(map, cloud, *place, guess)))
+        .collect();
+    candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
+    candidates
+}
+
+/// What points alone say of a place that is known to a cell.
+fn rough_score(map: &MatchMap, cloud: &Cloud, guess: &Prior, place: &Pose2) -> f64 {
+    Evidence::of_points(map, cloud, *place).score() - correlate::loss(guess.squared_deviations(place))
+}
+
+/// A match, looked at closely.
+#[must_use]
+pub fn candidate(map: &MatchMap, cloud: &Cloud, guess: &Prior, found: Match) -> Candidate {
+    let evidence = Evidence::of(map, cloud, found.map_from_scan);
+    Candidate {
+        found,
+        evidence,
+        score: evidence.score() - correlate::loss(guess.squared_deviations(&found.map_from_scan)),
+    }
 }
 
 #[cfg(test)]

@@ -16,6 +16,8 @@ const N_NORMAL_BEAMS: usize = 12;
 const GAP_SPACINGS: f32 = 6.0;
 /// And never nearer than this, metres: noise.
 const GAP_MIN_M: f32 = 0.1;
+/// Between points farther apart than this, metres, not more than this was seen.
+const GAP_LENGTH_M: f32 = 0.3;
 /// Thickness over length, squared, above which points make no line.
 const THICKNESS_MAX: f32 = 0.08;
 
@@ -32,6 +34,8 @@ pub struct CloudPoint {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cloud {
     points: Vec<CloudPoint>,
+    /// Where the sensor was, if there was one.
+    eye: Option<PointN<f32>>,
 }
 
 impl Cloud {
@@ -47,9 +51,10 @@ impl Cloud {
             if !(low_m..=high_m).contains(&range_m) {
                 continue;
             }
-            let angle_rad = scan.angle_min_rad + idx as f64 * scan.angle_increment_rad;
+            let angle_rad =
+                base_from_lidar.yaw_rad + scan.angle_min_rad + idx as f64 * scan.angle_increment_rad;
             let (sin, cos) = angle_rad.sin_cos();
-            let at = base_from_lidar.transform(Point2::new(range_m * cos, range_m * sin));
+            let at = Point2::new(base_from_lidar.x_m + range_m * cos, base_from_lidar.y_m + range_m * sin);
             raw.push((at.cast::<f32>(), range_m as f32));
         }
         let eye = base_from_lidar.position().cast::<f32>();
@@ -62,13 +67,19 @@ impl Cloud {
             }
             points.push(CloudPoint { at, normal: normal_at(&raw, idx, step_rad, eye) });
         }
-        Cloud { points }
+        Cloud { points, eye: Some(eye) }
     }
 
     /// A cloud of given points.
     #[must_use]
     pub fn from_points(points: Vec<CloudPoint>) -> Self {
-        Cloud { points }
+        Cloud { points, eye: None }
+    }
+
+    /// Where the sensor was; `None` when the points were not seen from one place.
+    #[must_use]
+    pub fn eye(&self) -> Option<PointN<f32>> {
+        self.eye
     }
 
     /// The points.
@@ -84,7 +95,32 @@ impl Cloud {
         if n <= n_max {
             return self.clone();
         }
-        Cloud { points: (0..n_max).map(|idx| self.points[idx * n / n_max]).collect() }
+        Cloud { points: (0..n_max).map(|idx| self.points[idx * n / n_max]).collect(), eye: self.eye }
+    }
+
+    /// At most `n_max` points, spread evenly over the length of what was seen: near things are seen by many
+    /// beams and tell no more than far ones.
+    #[must_use]
+    pub fn spread(&self, n_max: usize) -> Vec<PointN<f32>> {
+        let gap_m = |pair: &[CloudPoint]| match pair {
+            [a, b] => (b.at - a.at).norm().min(GAP_LENGTH_M),
+            _ => 0.0,
+        };
+        let length_m: f32 = self.points.windows(2).map(gap_m).sum();
+        let spacing_m = length_m / n_max.max(1) as f32;
+        let Some(first) = self.points.first() else { return Vec::new() };
+        let (mut spread, mut since_m) = (vec![first.at], 0.0);
+        for pair in self.points.windows(2) {
+            since_m += gap_m(pair);
+            if let [_, point] = pair
+                && since_m >= spacing_m
+            {
+                since_m -= spacing_m;
+                spread.push(point.at);
+            }
+        }
+        spread.truncate(n_max);
+        spread
     }
 }
 

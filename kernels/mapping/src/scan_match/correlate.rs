@@ -1,37 +1,57 @@
-//! The best place in a window, by branch and bound: no better one is missed, however bad the guess.
+//! The best places in a window, however bad the guess: all of it is looked at, coarsely, and what may be good is
+//! looked at more finely, by branch and bound.
+//!
+//! The coarse look is dense: at each heading, the bounds of a whole row of shifts are summed at once, point by
+//! point, which is what processors are good at. A place's score is the mean heat of the scan's points there, less what it loses for lying far from where it
+//! was expected. Several places are told when several look alike: which of them it is, others must say.
 
 use std::collections::BinaryHeap;
 
 use geometry::Pose2;
 use nalgebra::Point2;
 
-use super::Window;
 use super::cloud::Cloud;
-use super::map::{MatchMap, N_LEVELS, Placement};
+use super::map::{MatchMap, N_LEVELS};
+use super::placement::Placement;
+use super::{Prior, Window};
 
 /// So many points of a scan are enough to find it.
-const N_POINTS_MAX: usize = 120;
-/// Blocks that are looked into at most: some milliseconds. After that the best one so far is followed down.
-const N_NODES_MAX: usize = 20_000;
+const N_POINTS_MAX: usize = 64;
+/// Blocks along a side of the window in the dense look, at most.
+const N_DENSE_SIDE_MAX: i32 = 32;
+/// Blocks that promise less than this share of what the best one promises are not looked into.
+const PROMISE_SHARE_MIN: f32 = 0.55;
+/// Blocks that are looked into at most: half a millisecond. After that the most promising ones are followed
+/// straight down.
+const N_NODES_MAX: usize = 2000;
 /// Headings are tried in steps of at least this, radians: half a degree.
 const TURN_STEP_MIN_RAD: f64 = 0.0087;
 /// And at most this.
 const TURN_STEP_MAX_RAD: f64 = 0.02;
 /// A step of heading moves points at this quantile of range by two cells.
 const FAR_QUANTILE: f64 = 0.75;
-/// What a place at the window's border loses against one at the guess, as a share of the best heat: between
-/// places that look the same the nearer one wins.
-const BORDER_LOSS: f32 = 0.06;
+/// Most that a place loses for being unexpected, as a share of the best heat, ...
+const LOSS_MAX: f64 = 0.3;
+/// ... half of it at this many squared deviations.
+const LOSS_HALF: f64 = 9.0;
+/// Places this near to a better one are the same: metres and radians.
+const SAME_SHIFT_M: f64 = 0.3;
+const SAME_TURN_RAD: f64 = 0.12;
+/// Places that score less than this share of the best are not told.
+const SCORE_SHARE_MIN: f32 = 0.6;
 
-/// Windows from this heading on, radians, are of somebody who is lost.
-const ANY_HEADING_RAD: f64 = 3.0;
+/// What a place loses for lying so many squared deviations from where it was expected.
+#[must_use]
+pub fn loss(squared_deviations: f64) -> f64 {
+    LOSS_MAX * squared_deviations / (squared_deviations + LOSS_HALF)
+}
 
 /// A place found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Where the scan's frame lies in the map's, to a cell and a step of heading.
     pub map_from_scan: Pose2,
-    /// Mean heat of its points, 0 to 1.
+    /// Mean heat of its points, 0 to 1, less its loss.
     pub score: f64,
 }
 
@@ -61,49 +81,68 @@ impl PartialOrd for Node {
     }
 }
 
-/// The best place within `window` of `guess`; `None` when there is nothing to match.
+/// The best places within `window` of what is expected, at most `n_max`, the best first; none when there is
+/// nothing to match.
 #[must_use]
-pub fn search(map: &MatchMap, cloud: &Cloud, guess: Pose2, window: Window) -> Option<Place> {
-    if map.n_surfels() == 0 || cloud.points().is_empty() || !guess.is_finite() {
-        return None;
+pub fn search(map: &MatchMap, cloud: &Cloud, prior: &Prior, window: Window, n_max: usize) -> Vec<Place> {
+    if map.n_surfels() == 0 || cloud.points().is_empty() || !prior.map_from_scan.is_finite() {
+        return Vec::new();
     }
-    let search = Search::new(map, cloud, guess, window);
-    let mut queue = search.first_nodes();
+    let search = Search::new(map, cloud, prior, window);
+    let mut queue = search.promising();
+    let mut found: Vec<Node> = Vec::new();
     let mut n_looked_into = 0;
-    loop {
-        let best = queue.pop()?;
+    while let Some(best) = queue.pop() {
+        let is_worse = found.first().is_some_and(|first| best.bound < SCORE_SHARE_MIN * first.bound);
+        if found.len() >= n_max || is_worse {
+            break;
+        }
+        if found.iter().any(|other| search.is_same(other, &best)) {
+            continue;
+        }
         if best.level == 0 {
-            return Some(search.place(&best));
+            found.push(best);
+            continue;
         }
         n_looked_into += 1;
-        if n_looked_into > N_NODES_MAX {
-            queue.clear();
+        if n_looked_into < N_NODES_MAX {
+            queue.extend(search.parts(&best));
+        } else {
+            let place = search.straight_down(best);
+            if !found.iter().any(|other| search.is_same(other, &place)) {
+                found.push(place);
+            }
         }
-        search.split(&best, &mut queue);
     }
+    found.sort_by(|a, b| b.cmp(a));
+    found.iter().map(|node| search.place(node)).collect()
 }
 
 struct Search<'a> {
     map: &'a MatchMap,
+    cell_m: f64,
     guess: Pose2,
+    /// Shifts either way of the guess, cells.
     reach: i32,
     turn_step_rad: f64,
     /// Headings either way of the guess.
     n_turns: i32,
     /// Cells of the points at each heading.
     cells: Vec<Vec<[i32; 2]>>,
-    /// What a place at the border loses.
-    border_loss: f32,
+    /// One cell and one step of heading, in deviations.
+    deviations: [f32; 2],
     /// One over the highest sum there can be.
     scale: f32,
+    /// Level of the dense look.
     top: usize,
 }
 
 impl<'a> Search<'a> {
-    fn new(map: &'a MatchMap, cloud: &Cloud, guess: Pose2, window: Window) -> Self {
-        let thin = cloud.thinned(N_POINTS_MAX);
-        let mut ranges_m: Vec<f32> = thin.points().iter().map(|p| p.at.coords.norm()).collect();
-        let nth = ((ranges_m.len() - 1) as f64 * FAR_QUANTILE) as usize;
+    fn new(map: &'a MatchMap, cloud: &Cloud, prior: &Prior, window: Window) -> Self {
+        let guess = prior.map_from_scan;
+        let thin = cloud.spread(N_POINTS_MAX);
+        let mut ranges_m: Vec<f32> = thin.iter().map(|at| at.coords.norm()).collect();
+        let nth = (ranges_m.len().saturating_sub(1) as f64 * FAR_QUANTILE) as usize;
         let far_m = *ranges_m.select_nth_unstable_by(nth, f32::total_cmp).1;
         let wanted_rad = 2.0 * map.cell_m() / f64::from(far_m).max(0.1);
         let turn_step_rad = wanted_rad.clamp(TURN_STEP_MIN_RAD, TURN_STEP_MAX_RAD);
@@ -112,74 +151,116 @@ impl<'a> Search<'a> {
         let at_heading = |turn: i32| {
             let yaw_rad = guess.yaw_rad + f64::from(turn) * turn_step_rad;
             let placed = Placement::new(Pose2 { yaw_rad, ..guess });
-            thin.points().iter().map(|p| map.cell_at(placed.point(p.at))).collect()
+            thin.iter().map(|at| map.cell_at(placed.point(*at))).collect()
         };
-        // A block about as large as half the window: few to begin with, and few to split.
-        let top = (0..N_LEVELS).find(|level| (1 << (level + 1)) > reach).unwrap_or(N_LEVELS);
-        // Who looks at every heading has no guess that others could be off.
-        let border_loss = if window.turn_rad < ANY_HEADING_RAD { BORDER_LOSS } else { 0.0 };
+        let is_few = |level: &usize| (2 * reach) >> level < N_DENSE_SIDE_MAX;
+        let cell = map.cell_m() / prior.shift_m.max(1e-3);
+        let turn = turn_step_rad / prior.turn_rad.max(1e-4);
         Search {
             map,
-            border_loss,
+            cell_m: map.cell_m(),
+            deviations: [cell as f32, turn as f32],
             guess,
             reach,
             turn_step_rad,
             n_turns,
             cells: (-n_turns..=n_turns).map(at_heading).collect(),
-            scale: 1.0 / (255.0 * thin.points().len() as f32),
-            top,
+            scale: 1.0 / (255.0 * thin.len() as f32),
+            top: (1..N_LEVELS).find(is_few).unwrap_or(N_LEVELS),
         }
     }
 
-    fn first_nodes(&self) -> BinaryHeap<Node> {
-        let step = 1_i32 << self.top;
-        let mut nodes = Vec::new();
-        for heading in 0..self.cells.len() {
-            for y in (-self.reach..=self.reach).step_by(step as usize) {
-                for x in (-self.reach..=self.reach).step_by(step as usize) {
-                    nodes.extend(self.node(self.top, heading as u16, [x, y]));
+    /// All blocks of the window that may hold the best place or one like it.
+    fn promising(&self) -> BinaryHeap<Node> {
+        let n_side = ((2 * self.reach) >> self.top) as usize + 1;
+        let mut sums = vec![0_u16; n_side * n_side];
+        let mut nodes: Vec<Node> = Vec::new();
+        let mut highest = 0.0_f32;
+        for (heading, cells) in self.cells.iter().enumerate() {
+            sums.fill(0);
+            if let Some(bounds) = self.map.bounds(self.top) {
+                bounds.add_rows(cells, [-self.reach; 2], n_side, &mut sums);
+            }
+            for (idx, &sum) in sums.iter().enumerate() {
+                // Most are nowhere near: no loss needs to be known for that.
+                if f32::from(sum) * self.scale < PROMISE_SHARE_MIN * highest {
+                    continue;
+                }
+                let off = [idx % n_side, idx / n_side].map(|n| ((n as i32) << self.top) - self.reach);
+                let node = self.node_of(self.top, heading as u16, off, u32::from(sum));
+                highest = highest.max(node.bound);
+                if node.bound >= PROMISE_SHARE_MIN * highest {
+                    nodes.push(node);
                 }
             }
         }
+        nodes.retain(|node| node.bound >= PROMISE_SHARE_MIN * highest);
         BinaryHeap::from(nodes)
     }
 
-    fn split(&self, node: &Node, queue: &mut BinaryHeap<Node>) {
-        let level = usize::from(node.level) - 1;
-        let half = 1 << level;
-        for (dx, dy) in [(0, 0), (half, 0), (0, half), (half, half)] {
-            let off = [node.off[0] + dx, node.off[1] + dy];
-            queue.extend(self.node(level, node.heading, off));
+    /// The four quarters of a block, those beyond the window left out.
+    fn parts(&self, node: &Node) -> impl Iterator<Item = Node> {
+        let level = usize::from(node.level).saturating_sub(1);
+        let (half, node) = (1 << level, *node);
+        [(0, 0), (half, 0), (0, half), (half, half)]
+            .map(|(dx, dy)| [node.off[0] + dx, node.off[1] + dy])
+            .into_iter()
+            .filter(|off| off.iter().all(|o| *o <= self.reach))
+            .map(move |off| {
+                let cells = self.cells.get(usize::from(node.heading)).map_or(&[][..], Vec::as_slice);
+                self.node_of(level, node.heading, off, self.sum(level, cells, off))
+            })
+    }
+
+    /// Sum of the bounds of a level, or at the lowest of the heat itself.
+    fn sum(&self, level: usize, cells: &[[i32; 2]], off: [i32; 2]) -> u32 {
+        match self.map.bounds(level) {
+            Some(bounds) => bounds.sum(cells, off),
+            None => self.map.heat_sum(cells, off),
         }
     }
 
-    /// A block with its bound; `None` beyond the window.
-    fn node(&self, level: usize, heading: u16, off: [i32; 2]) -> Option<Node> {
-        if off[0] > self.reach || off[1] > self.reach {
-            return None;
+    /// The place in a block that promises most at each step.
+    fn straight_down(&self, mut node: Node) -> Node {
+        while node.level > 0 {
+            let Some(best) = self.parts(&node).max() else { break };
+            node = best;
         }
-        let sum = self.map.bounds(level).sum(&self.cells[usize::from(heading)], off);
+        node
+    }
+
+    fn node_of(&self, level: usize, heading: u16, off: [i32; 2], sum: u32) -> Node {
         let bound = sum as f32 * self.scale - self.loss(level, heading, off);
-        Some(Node { bound, level: level as u8, heading, off })
+        Node { bound, level: level as u8, heading, off }
     }
 
     /// The least that any place of a block loses for being off the guess.
     fn loss(&self, level: usize, heading: u16, off: [i32; 2]) -> f32 {
         let span = (1 << level) - 1;
         let nearest = |low: i32| if low > 0 { low } else { (-(low + span)).max(0) };
-        let share = |low: i32| nearest(low) as f32 / self.reach as f32;
-        let turn = (i32::from(heading) - self.n_turns) as f32 / self.n_turns as f32;
-        let (x, y) = (share(off[0]), share(off[1]));
-        self.border_loss * (x * x + y * y + turn * turn)
+        let [cell, step] = self.deviations;
+        let (x, y) = (nearest(off[0]) as f32 * cell, nearest(off[1]) as f32 * cell);
+        let turn = (i32::from(heading) - self.n_turns) as f32 * step;
+        loss((x * x + y * y + turn * turn).into()) as f32
+    }
+
+    /// Whether all of a block lies around a place that was found.
+    fn is_same(&self, found: &Node, node: &Node) -> bool {
+        let span = (1 << node.level) - 1;
+        let near = (SAME_SHIFT_M / self.cell_m) as i32;
+        let turns = (i32::from(found.heading) - i32::from(node.heading)).abs();
+        f64::from(turns) * self.turn_step_rad <= SAME_TURN_RAD
+            && (0..2).all(|axis| {
+                let low = node.off[axis] - found.off[axis];
+                low >= -near && low + span <= near
+            })
     }
 
     fn place(&self, node: &Node) -> Place {
         let turn = i32::from(node.heading) - self.n_turns;
-        let cell_m = self.map.cell_m();
-        let shift = node.off.map(|cells| f64::from(cells) * cell_m);
+        let shift = node.off.map(|cells| f64::from(cells) * self.cell_m);
         let at = Point2::new(self.guess.x_m + shift[0], self.guess.y_m + shift[1]);
         let yaw_rad = self.guess.yaw_rad + f64::from(turn) * self.turn_step_rad;
-        let score = f64::from(node.bound + self.loss(0, node.heading, node.off));
-        Place { map_from_scan: Pose2::new(at.x, at.y, yaw_rad), score }
+        Place { map_from_scan: Pose2::new(at.x, at.y, yaw_rad), score: node.bound.into() }
     }
 }

@@ -6,15 +6,21 @@
 //! each block of 2^k cells, the highest heat in it and its upper right neighbours: the bound for a point that
 //! may be shifted by up to 2^k − 1 cells.
 
-use geometry::{Point2 as Point2D, Pose2};
+use geometry::Pose2;
 use nalgebra::{Point2, Vector2};
 
 use super::cloud::{Cloud, CloudPoint};
+use super::free::FreeGrid;
+use super::placement::Placement;
+use super::pyramid::{Bounds, Level, Move, bounds_of};
+use super::tiles::{Spot, Tiles};
 
-/// Levels above the cells themselves; the highest has blocks of 64 cells.
-pub const N_LEVELS: usize = 6;
-/// The grid grows by whole blocks of the highest level, at least this many cells at a time.
-const CHUNK: i32 = 128;
+/// Levels above the cells themselves; the highest has blocks of 16 cells.
+pub const N_LEVELS: usize = 4;
+/// The grid grows by whole blocks of the highest level, this many cells at a time.
+const CHUNK: i32 = 64;
+/// And so many more where it has to grow: 6 m at 5 cm.
+const SLACK: i32 = 128;
 /// Most cells along a side: beyond, points are left out. 400 m at 5 cm.
 const N_SIDE_MAX: usize = 8192;
 /// Heat reaches this many cells.
@@ -28,11 +34,10 @@ const N_SURFELS_MAX: usize = 65_000;
 const N_MEAN_MAX: f32 = 50.0;
 /// A point nearer than this to a piece of surface, cells, belongs to it.
 const SAME_CELLS: f32 = 0.6;
-/// The level whose blocks tell what is near: 8 cells.
-const NEAR_LEVEL: usize = 3;
 /// A point this near to a surface, metres, lies on it.
-const ON_SURFACE_M: f64 = 0.1;
-const NO_SURFEL: u16 = u16::MAX;
+const ON_SURFACE_M: f32 = 0.1;
+/// So many beams of a scan show what is free.
+const N_BEAMS_MAX: usize = 180;
 
 /// A piece of surface: the mean of what fell into one cell.
 #[derive(Clone, Copy, Debug)]
@@ -50,21 +55,12 @@ pub struct MatchMap {
     origin: [i32; 2],
     /// Columns and rows, multiples of [`CHUNK`].
     n_side: [i32; 2],
-    heat: Vec<u8>,
-    nearest: Vec<u16>,
+    tiles: Tiles,
     levels: [Level; N_LEVELS],
     surfels: Vec<Surfel>,
+    free: FreeGrid,
     /// Heat by squared distance, in quarters of a cell squared.
     falloff: Vec<u8>,
-}
-
-/// One level of the pyramid.
-#[derive(Clone, Debug, Default)]
-struct Level {
-    /// Highest heat of each block.
-    blocks: Vec<u8>,
-    /// Highest heat of each block and its neighbours to the right, above, and both.
-    bounds: Vec<u8>,
 }
 
 /// The nearest surface to a point.
@@ -89,10 +85,10 @@ impl MatchMap {
             cell_m: cell_m.clamp(0.02, 0.5) as f32,
             origin: [0, 0],
             n_side: [0, 0],
-            heat: Vec::new(),
-            nearest: Vec::new(),
+            tiles: Tiles::default(),
             levels: std::array::from_fn(|_| Level::default()),
             surfels: Vec::new(),
+            free: FreeGrid::default(),
             falloff: falloff.collect(),
         }
     }
@@ -136,12 +132,21 @@ impl MatchMap {
         for point in &points {
             self.insert_point(point);
         }
+        if let Some(eye) = cloud.eye() {
+            let eye = placed.point(eye);
+            self.free.make_room(low.inf(&eye), high.sup(&eye));
+            for point in points.iter().step_by(points.len().div_ceil(N_BEAMS_MAX)) {
+                self.free.pass(eye, point.at);
+            }
+        }
     }
 
     fn insert_point(&mut self, point: &CloudPoint) {
         let cell = self.cell_at(point.at);
-        let Some(idx) = self.index(cell[0], cell[1]) else { return };
-        if let Some(surfel) = self.surfels.get_mut(usize::from(self.nearest[idx])) {
+        let spot = self.spot(cell);
+        if let Some(spot) = spot
+            && let Some(surfel) = self.surfels.get_mut(usize::from(spot.surfel))
+        {
             let is_same = (surfel.at - point.at).norm_squared() < (SAME_CELLS * self.cell_m).powi(2);
             // The other face of something thin keeps its own place and normal.
             if is_same && surfel.normal.dot(&point.normal) >= 0.0 {
@@ -150,7 +155,7 @@ impl MatchMap {
                 surfel.normal += point.normal;
             }
             // A piece of surface nearer to the cell's middle speaks for the cell.
-            if is_same || self.heat[idx] >= self.heat_at(point.at, cell) {
+            if is_same || spot.heat >= self.heat_at(point.at, cell) {
                 return;
             }
         }
@@ -175,27 +180,27 @@ impl MatchMap {
         let inverse = 1.0 / self.cell_m;
         let (x, y) = (at.x * inverse - 0.5, at.y * inverse - 0.5);
         let (first_col, first_row) = (cell[0] - REACH, cell[1] - REACH);
-        let Some(corner) = self.index(first_col, first_row) else { return };
+        let (low_col, low_row) = (first_col - self.origin[0], first_row - self.origin[1]);
+        if low_col < 0 || low_row < 0 {
+            return;
+        }
         for above in 0..N_STAMP {
             let dy = (first_row + above as i32) as f32 - y;
             for beside in 0..N_STAMP {
                 let dx = (first_col + beside as i32) as f32 - x;
-                let idx = corner + above * self.n_side[0] as usize + beside;
                 let heat = self.falloff.get(((dx * dx + dy * dy) * 4.0) as usize).copied().unwrap_or(0);
-                if heat > self.heat[idx] {
-                    self.heat[idx] = heat;
-                    self.nearest[idx] = surfel_idx;
-                    let (col, row) = (first_col + beside as i32, first_row + above as i32);
-                    self.raise([col - self.origin[0], row - self.origin[1]], heat);
+                let (col, row) = (low_col as usize + beside, low_row as usize + above);
+                if heat > 0 && self.tiles.raise(col, row, Spot { heat, surfel: surfel_idx }) {
+                    self.raise(col, row, heat);
                 }
             }
         }
     }
 
     /// Raises the pyramid over a cell (counted from the grid's corner).
-    fn raise(&mut self, cell: [i32; 2], heat: u8) {
+    fn raise(&mut self, col: usize, row: usize, heat: u8) {
         for (above, level) in self.levels.iter_mut().enumerate() {
-            let [col, row] = cell.map(|c| (c >> (above + 1)) as usize);
+            let (col, row) = (col >> (above + 1), row >> (above + 1));
             let n_cols = (self.n_side[0] >> (above + 1)) as usize;
             let block = &mut level.blocks[row * n_cols + col];
             if *block >= heat {
@@ -218,61 +223,59 @@ impl MatchMap {
         [(at.x / self.cell_m).floor() as i32, (at.y / self.cell_m).floor() as i32]
     }
 
+    /// What is known at a cell.
     #[inline]
-    fn index(&self, col: i32, row: i32) -> Option<usize> {
-        let (x, y) = (col - self.origin[0], row - self.origin[1]);
-        let inside = x >= 0 && y >= 0 && x < self.n_side[0] && y < self.n_side[1];
-        inside.then_some((y * self.n_side[0] + x) as usize)
+    fn spot(&self, cell: [i32; 2]) -> Option<Spot> {
+        let (col, row) = (cell[0].wrapping_sub(self.origin[0]), cell[1].wrapping_sub(self.origin[1]));
+        let inside = col >= 0 && row >= 0 && col < self.n_side[0] && row < self.n_side[1];
+        if inside { self.tiles.spot(col as usize, row as usize) } else { None }
     }
 
-    /// The grid of bounds of a level; level 0 is the heat itself.
-    pub(super) fn bounds(&self, level: usize) -> Bounds<'_> {
-        let values = if level == 0 { &self.heat } else { &self.levels[level - 1].bounds };
-        Bounds {
-            values,
-            origin: self.origin,
-            n_side: self.n_side.map(|n| (n >> level) as u32),
-            level: level as u32,
+    /// Sum of heat over cells that are all shifted by `off`.
+    pub(super) fn heat_sum(&self, cells: &[[i32; 2]], off: [i32; 2]) -> u32 {
+        let (dx, dy) = (off[0].wrapping_sub(self.origin[0]), off[1].wrapping_sub(self.origin[1]));
+        let [n_cols, n_rows] = self.n_side;
+        let mut sum = 0_u32;
+        for &[x, y] in cells {
+            let (col, row) = (x.wrapping_add(dx), y.wrapping_add(dy));
+            if col >= 0 && row >= 0 && col < n_cols && row < n_rows {
+                sum = sum.wrapping_add(self.tiles.heat(col as usize, row as usize).into());
+            }
         }
+        sum
+    }
+
+    /// The bounds of a level, from 1 on; `None` of one there is not.
+    pub(super) fn bounds(&self, level: usize) -> Option<Bounds<'_>> {
+        let values = &self.levels.get(level.checked_sub(1)?)?.bounds;
+        let n_side = self.n_side.map(|n| (n >> level) as u32);
+        Some(Bounds { values, origin: self.origin, n_side, level: level as u32 })
     }
 
     /// The surface nearest to a point; `None` where there is none within reach.
     #[inline]
     pub(super) fn nearest(&self, at: Point2<f32>) -> Option<Nearest> {
-        let cell = self.cell_at(at);
-        let surfel_idx = self.nearest[self.index(cell[0], cell[1])?];
-        let surfel = self.surfels.get(usize::from(surfel_idx))?;
+        let spot = self.spot(self.cell_at(at))?;
+        let surfel = self.surfels.get(usize::from(spot.surfel))?;
         Some(Nearest { at: surfel.at, normal: unit(surfel.normal) })
     }
 
     /// Whether a point lies on a surface, to a tenth of a metre.
     #[must_use]
-    pub fn is_on_surface(&self, at: Point2D) -> bool {
-        self.is_near_surface(at, ON_SURFACE_M)
+    pub fn is_on_surface(&self, at: Point2<f32>) -> bool {
+        self.nearest(at)
+            .is_some_and(|surface| (surface.at - at).norm_squared() <= ON_SURFACE_M * ON_SURFACE_M)
     }
 
-    /// Whether a surface is within `near_m` metres of a point. Surfaces farther than three cells from the point
-    /// are found by the coarse levels alone, give or take their blocks.
+    /// Where beams have passed.
     #[must_use]
-    pub fn is_near_surface(&self, at: Point2D, near_m: f64) -> bool {
-        let at = at.cast::<f32>();
-        if self.nearest(at).is_some_and(|surface| f64::from((surface.at - at).norm()) <= near_m) {
-            return true;
-        }
-        if near_m <= f64::from(self.cell_m * REACH as f32) {
-            return false;
-        }
-        let reach = (near_m as f32 / self.cell_m) as i32;
-        let cell = self.cell_at(at);
-        let level = NEAR_LEVEL;
-        let n = self.n_side.map(|n| n >> level);
-        let block = |axis: usize, off: i32| (cell[axis] + off - self.origin[axis]) >> level;
-        (block(1, -reach)..=block(1, reach)).any(|row| {
-            (block(0, -reach)..=block(0, reach)).any(|col| {
-                let inside = col >= 0 && row >= 0 && col < n[0] && row < n[1];
-                inside && self.levels[level - 1].blocks[(row * n[0] + col) as usize] > 0
-            })
-        })
+    pub fn free(&self) -> &FreeGrid {
+        &self.free
+    }
+
+    /// Takes over what is known to be free.
+    pub fn set_free(&mut self, free: FreeGrid) {
+        self.free = free;
     }
 
     /// Makes the grid hold cells from `low` to `high`, with room to spare.
@@ -283,8 +286,9 @@ impl MatchMap {
         for axis in 0..2 {
             let (mut first, mut end) = (low[axis] - REACH - 1, high[axis] + REACH + 2);
             if !is_empty {
-                first = first.min(self.origin[axis]);
-                end = end.max(old_end[axis]);
+                // Who grows once grows again: each time all is copied.
+                first = if first < self.origin[axis] { first - SLACK } else { self.origin[axis] };
+                end = if end > old_end[axis] { end + SLACK } else { old_end[axis] };
             }
             origin[axis] = first.div_euclid(CHUNK) * CHUNK;
             n_side[axis] = (end - origin[axis] + CHUNK - 1).div_euclid(CHUNK) * CHUNK;
@@ -294,101 +298,12 @@ impl MatchMap {
         }
         let off = [self.origin[0] - origin[0], self.origin[1] - origin[1]];
         let moved = Move { from: self.n_side, to: n_side, off };
-        self.heat = moved.apply(&self.heat, 0, 0);
-        self.nearest = moved.apply(&self.nearest, NO_SURFEL, 0);
+        self.tiles.grow(&moved);
         (self.origin, self.n_side) = (origin, n_side);
         for (idx, level) in self.levels.iter_mut().enumerate() {
             level.blocks = moved.apply(&level.blocks, 0, idx + 1);
             level.bounds = bounds_of(&level.blocks, (n_side[0] >> (idx + 1)) as usize);
         }
-    }
-}
-
-/// The highest of each block and its neighbours to the right, above, and both.
-fn bounds_of(blocks: &[u8], n_cols: usize) -> Vec<u8> {
-    let mut bounds = blocks.to_vec();
-    for row in bounds.chunks_exact_mut(n_cols.max(1)) {
-        for col in 1..n_cols {
-            row[col - 1] = row[col - 1].max(row[col]);
-        }
-    }
-    for idx in n_cols..bounds.len() {
-        bounds[idx - n_cols] = bounds[idx - n_cols].max(bounds[idx]);
-    }
-    bounds
-}
-
-/// One level, to be looked up.
-#[derive(Clone, Copy)]
-pub(super) struct Bounds<'a> {
-    values: &'a [u8],
-    origin: [i32; 2],
-    n_side: [u32; 2],
-    level: u32,
-}
-
-impl Bounds<'_> {
-    /// Sum of bounds over cells that are all shifted by `off`.
-    #[inline]
-    pub(super) fn sum(&self, cells: &[[i32; 2]], off: [i32; 2]) -> u32 {
-        let (dx, dy) = (off[0].wrapping_sub(self.origin[0]), off[1].wrapping_sub(self.origin[1]));
-        let [n_cols, n_rows] = self.n_side;
-        let mut sum = 0_u32;
-        for &[x, y] in cells {
-            // Negative positions become huge. Wrapping: nothing here comes near an integer's end, and checks
-            // would cost as much as the sum.
-            let (col, row) =
-                ((x.wrapping_add(dx) >> self.level) as u32, (y.wrapping_add(dy) >> self.level) as u32);
-            if col < n_cols && row < n_rows {
-                let idx = row.wrapping_mul(n_cols).wrapping_add(col) as usize;
-                sum = sum.wrapping_add(self.values.get(idx).map_or(0, |v| u32::from(*v)));
-            }
-        }
-        sum
-    }
-}
-
-/// A grid's contents going into a larger one, in cells.
-struct Move {
-    from: [i32; 2],
-    to: [i32; 2],
-    off: [i32; 2],
-}
-
-impl Move {
-    fn apply<T: Copy>(&self, old: &[T], empty: T, level: usize) -> Vec<T> {
-        let [from, to, off] = [self.from, self.to, self.off].map(|pair| pair.map(|n| (n >> level) as usize));
-        let mut moved = vec![empty; to[0] * to[1]];
-        for (row, values) in old.chunks_exact(from[0].max(1)).enumerate() {
-            let begin = (row + off[1]) * to[0] + off[0];
-            moved[begin..begin + from[0]].copy_from_slice(values);
-        }
-        moved
-    }
-}
-
-/// A pose in single precision, with its sine and cosine.
-#[derive(Clone, Copy)]
-pub(super) struct Placement {
-    shift: Vector2<f32>,
-    sin: f32,
-    cos: f32,
-}
-
-impl Placement {
-    pub(super) fn new(pose: Pose2) -> Self {
-        let (sin, cos) = pose.yaw_rad.sin_cos();
-        Placement { shift: Vector2::new(pose.x_m as f32, pose.y_m as f32), sin: sin as f32, cos: cos as f32 }
-    }
-
-    #[inline]
-    pub(super) fn point(&self, at: Point2<f32>) -> Point2<f32> {
-        Point2::from(self.direction(at.coords) + self.shift)
-    }
-
-    #[inline]
-    pub(super) fn direction(&self, v: Vector2<f32>) -> Vector2<f32> {
-        Vector2::new(self.cos * v.x - self.sin * v.y, self.sin * v.x + self.cos * v.y)
     }
 }
 

@@ -6,7 +6,8 @@ use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 
 use super::Match;
 use super::cloud::Cloud;
-use super::map::{MatchMap, Placement};
+use super::map::MatchMap;
+use super::placement::Placement;
 
 /// Most steps; four to six are usual.
 const N_STEPS_MAX: usize = 15;
@@ -33,6 +34,16 @@ pub struct Prior {
     pub shift_m: f64,
     /// Standard deviation of the heading, radians.
     pub turn_rad: f64,
+}
+
+impl Prior {
+    /// How far a pose is from the expected one, in deviations, squared.
+    #[must_use]
+    pub fn squared_deviations(&self, map_from_scan: &Pose2) -> f64 {
+        let off = self.map_from_scan.inverse() * *map_from_scan;
+        (off.position().coords.norm() / self.shift_m.max(1e-3)).powi(2)
+            + (off.yaw_rad / self.turn_rad.max(1e-4)).powi(2)
+    }
 }
 
 /// Moves a scan from `start` onto the surfaces of the map; where they do not tell, the prior does.

@@ -1,15 +1,17 @@
 //! Whether a scan and the map tell the same story.
 
-use geometry::{Point2, Pose2};
-
-use crate::scan_match::{Cloud, MatchMap};
+use crate::scan_match::Evidence;
 
 /// Points that lie on a surface, among those that lie on one or where nothing should be; people walk about.
 const SHARE_MIN: f64 = 0.6;
 /// The same where the robot was not expected.
-const SHARE_UNEXPECTED_MIN: f64 = 0.85;
+const SHARE_UNEXPECTED_MIN: f64 = 0.75;
 /// And among all.
 const SHARE_OF_ALL_MIN: f64 = 0.15;
+/// Beams that would pass through surfaces, at most.
+const THROUGH_MAX: f64 = 0.6;
+/// The same where the robot was not expected.
+const THROUGH_UNEXPECTED_MAX: f64 = 0.4;
 /// With fewer points nothing can be told.
 const N_MIN: usize = 12;
 /// So many scans in a row that do not fit, and the robot is lost.
@@ -26,45 +28,16 @@ pub enum Standing {
     Lost,
 }
 
-/// Counts of a scan's points at a pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Agreement {
-    n_points: usize,
-    n_on_surface: usize,
-    /// In cells that beams have passed through.
-    n_in_free: usize,
-}
-
-impl Agreement {
-    /// `is_free` tells whether a point of the scan's frame lies where nothing should be.
-    pub(crate) fn of(
-        cloud: &Cloud,
-        map: Option<&MatchMap>,
-        map_from_scan: Pose2,
-        is_free: impl Fn(Point2) -> bool,
-    ) -> Self {
-        let (mut n_on_surface, mut n_in_free) = (0, 0);
-        for point in cloud.points() {
-            let at = Point2::new(point.at.x.into(), point.at.y.into());
-            if map.is_some_and(|map| map.is_on_surface(map_from_scan.transform(at))) {
-                n_on_surface += 1;
-            } else if is_free(at) {
-                n_in_free += 1;
-            }
-        }
-        Agreement { n_points: cloud.points().len(), n_on_surface, n_in_free }
-    }
-
-    /// Whether the two agree; more is asked of a place that nobody expected: most rooms look like themselves
-    /// when moved or turned a little.
-    pub(crate) fn is_good(&self, is_expected: bool) -> bool {
-        let share_min = if is_expected { SHARE_MIN } else { SHARE_UNEXPECTED_MIN };
-        let n_told = (self.n_on_surface + self.n_in_free) as f64;
-        let n_on_surface = self.n_on_surface as f64;
-        self.n_on_surface >= N_MIN
-            && n_on_surface >= share_min * n_told
-            && n_on_surface >= SHARE_OF_ALL_MIN * self.n_points as f64
-    }
+/// Whether the two agree; more is asked of a place that nobody expected: most rooms look like themselves when
+/// moved or turned a little.
+#[must_use]
+pub(crate) fn agrees(evidence: &Evidence, is_expected: bool) -> bool {
+    let (share_min, through_max) =
+        if is_expected { (SHARE_MIN, THROUGH_MAX) } else { (SHARE_UNEXPECTED_MIN, THROUGH_UNEXPECTED_MAX) };
+    evidence.n_on_surface >= N_MIN
+        && evidence.share() >= share_min
+        && evidence.through_share() <= through_max
+        && evidence.n_on_surface as f64 >= SHARE_OF_ALL_MIN * evidence.n_points as f64
 }
 
 /// Keeps count of scans that do not fit.

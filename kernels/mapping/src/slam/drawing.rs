@@ -6,8 +6,9 @@ use super::submap::Submap;
 use crate::base_map::{BaseMapError, BaseMapper, Scan};
 use crate::scan_match::Cloud;
 
-/// So many kept scans are drawn anew with each new one: a scan takes a tenth of a millisecond or two.
-const N_AT_ONCE: usize = 2;
+/// So many kept scans are drawn anew with each scan that is not kept itself: one takes a tenth of a millisecond
+/// or two.
+const N_AT_ONCE: usize = 3;
 /// Most scans kept, some 30 MB; beyond, every second one is let go.
 const N_KEPT_MAX: usize = 20_000;
 
@@ -64,20 +65,40 @@ pub(super) struct Drawing {
     coming: Option<(BaseMapper, usize)>,
     /// The poses have changed since it was begun: another one must follow.
     is_coming_old: bool,
+    n_not_drawn: u64,
+    /// A scan has just been drawn, which is enough at once.
+    has_drawn: bool,
 }
 
 impl Drawing {
     pub(super) fn new(base_from_lidar: Pose2, mapper: BaseMapper, start: (Point2, f64)) -> Self {
-        Drawing { base_from_lidar, start, kept: Vec::new(), mapper, coming: None, is_coming_old: false }
+        Drawing {
+            base_from_lidar,
+            start,
+            kept: Vec::new(),
+            mapper,
+            coming: None,
+            is_coming_old: false,
+            n_not_drawn: 0,
+            has_drawn: false,
+        }
     }
 
     pub(super) fn mapper(&self) -> &BaseMapper {
         &self.mapper
     }
 
-    /// Draws a scan and keeps it.
-    pub(super) fn add(&mut self, keyframe: Keyframe, submaps: &[Submap]) -> Result<(), BaseMapError> {
-        draw(&mut self.mapper, &keyframe, self.base_from_lidar, submaps)?;
+    /// Scans that could not be drawn: the map would have become too large.
+    pub(super) fn n_not_drawn(&self) -> u64 {
+        self.n_not_drawn
+    }
+
+    /// Draws a scan and keeps it. One that would make the map too large is not drawn, and counted: the pose
+    /// is known all the same.
+    pub(super) fn add(&mut self, keyframe: Keyframe, submaps: &[Submap]) {
+        let drawn = draw(&mut self.mapper, &keyframe, self.base_from_lidar, submaps);
+        self.n_not_drawn += u64::from(drawn.is_err());
+        self.has_drawn = true;
         if self.kept.len() >= N_KEPT_MAX {
             let mut is_odd = false;
             self.kept.retain(|_| {
@@ -90,7 +111,6 @@ impl Drawing {
             }
         }
         self.kept.push(keyframe);
-        Ok(())
     }
 
     /// The surfaces that the scan kept last shows, in its base.
@@ -114,11 +134,15 @@ impl Drawing {
     }
 
     /// Draws a few more scans of a map that is being drawn anew.
-    pub(super) fn catch_up(&mut self, submaps: &[Submap]) -> Result<(), BaseMapError> {
-        let Some((mut mapper, n_drawn)) = self.coming.take() else { return Ok(()) };
+    pub(super) fn catch_up(&mut self, submaps: &[Submap]) {
+        if std::mem::take(&mut self.has_drawn) {
+            return;
+        }
+        let Some((mut mapper, n_drawn)) = self.coming.take() else { return };
         let until = (n_drawn + N_AT_ONCE).min(self.kept.len());
         for keyframe in &self.kept[n_drawn..until] {
-            draw(&mut mapper, keyframe, self.base_from_lidar, submaps)?;
+            let drawn = draw(&mut mapper, keyframe, self.base_from_lidar, submaps);
+            self.n_not_drawn += u64::from(drawn.is_err());
         }
         if until == self.kept.len() {
             self.mapper = mapper;
@@ -128,15 +152,13 @@ impl Drawing {
         } else {
             self.coming = Some((mapper, until));
         }
-        Ok(())
     }
 
     /// Draws a map that is being drawn anew to its end.
-    pub(super) fn draw_all(&mut self, submaps: &[Submap]) -> Result<(), BaseMapError> {
+    pub(super) fn draw_all(&mut self, submaps: &[Submap]) {
         while self.coming.is_some() {
-            self.catch_up(submaps)?;
+            self.catch_up(submaps);
         }
-        Ok(())
     }
 }
 

@@ -14,9 +14,6 @@ use crate::scan_match::Match;
 /// Standard deviations of a sub-map's place against the one before it, metres and radians.
 const CHAIN_SHIFT_M: f64 = 0.03;
 const CHAIN_TURN_RAD: f64 = 0.006;
-/// Of a new beginning after the robot was lost.
-const LOOSE_SHIFT_M: f64 = 5.0;
-const LOOSE_TURN_RAD: f64 = 1.0;
 /// Best that a loop is believed, metres and radians.
 const LOOP_SHIFT_M: f64 = 0.04;
 const LOOP_TURN_RAD: f64 = 0.006;
@@ -92,10 +89,16 @@ impl Graph {
         self.constraints.push(Constraint { from, to, from_from_to, information, is_loop: false });
     }
 
-    /// `to` was begun somewhere around a place in `from`.
-    pub(super) fn tie_loosely(&mut self, from: usize, to: usize, from_from_to: Pose2) {
-        let information = diagonal(LOOSE_SHIFT_M, LOOSE_TURN_RAD);
+    /// `to` was begun somewhere around a place in `from`; deviations in metres and radians.
+    pub(super) fn tie_loosely(&mut self, from: usize, to: usize, from_from_to: Pose2, off: (f64, f64)) {
+        let information = diagonal(off.0, off.1);
         self.constraints.push(Constraint { from, to, from_from_to, information, is_loop: false });
+    }
+
+    /// `to` was found in another one: the guess by which it was tied to `from` is let go.
+    pub(super) fn mend(&mut self, from: usize, to: usize, found: Constraint) {
+        self.constraints.retain(|c| (c.from, c.to) != (from, to));
+        self.constraints.push(Constraint { is_loop: false, ..found });
     }
 
     /// Adds a loop; true when it asks the sub-maps to move.

@@ -5,11 +5,9 @@
 
 use std::collections::VecDeque;
 
-use geometry::Pose2;
-
 use super::graph::Constraint;
 use super::submap::Submap;
-use crate::scan_match::{self, Cloud, Prior, Window};
+use crate::scan_match::{self, Evidence, Match, Prior, Window};
 
 /// Sub-maps this near in order share scans or their neighbours do; there is nothing to learn.
 const N_NEIGHBOURS: usize = 2;
@@ -26,12 +24,12 @@ const DRIFT_MIN_M: f64 = 0.4;
 const DRIFT_MIN_RAD: f64 = 0.08;
 const DRIFT_MAX_M: f64 = 6.0;
 const DRIFT_MAX_RAD: f64 = 0.7;
-/// Share of points within the overlap that must lie on the other's surfaces.
-const SHARE_MIN: f64 = 0.65;
-/// A point this near to a surface, metres, lies within the overlap.
-const OVERLAP_M: f64 = 0.5;
-/// The overlap must hold at least this share of the points: corners that look alike are everywhere.
-const OVERLAP_MIN: f64 = 0.35;
+/// So many places are compared.
+const N_PLACES: usize = 3;
+/// At least so many of the old one's points must lie on the new one's surfaces.
+const N_BACK_MIN: usize = 40;
+/// How sure a loop must be.
+const SURENESS: Sureness = Sureness { share_min: 0.7, told_min: 0.4, margin: 0.02 };
 
 /// Looks for loops, one candidate at a time.
 #[derive(Default)]
@@ -79,20 +77,10 @@ impl Loops {
         let (new, old) = (submaps.get(finished)?, submaps.get(older)?);
         let window = self.window(new);
         let guess = old.map_from_submap.inverse() * new.map_from_submap;
-        let prior = Prior { map_from_scan: guess, shift_m: window.shift_m, turn_rad: window.turn_rad };
-        let cloud = new.cloud().thinned(N_POINTS_MAX);
-        let old_map = old.rebuilt(N_REBUILT_MAX);
-        let found = scan_match::find(&old_map, &cloud, &prior, window)?;
-        if found.inlier_share < OVERLAP_MIN * SHARE_MIN {
-            return None;
-        }
-        // Both ways: what the old one shows where the new one looked must be in the new one too.
-        let there = share_in_overlap(&old_map, &cloud, found.map_from_scan);
-        let back_map = new.rebuilt(N_REBUILT_MAX);
-        let old_cloud = old.cloud().thinned(N_POINTS_MAX);
-        let back = share_in_overlap(&back_map, &old_cloud, found.map_from_scan.inverse());
-        let is_sure = there.is_some_and(|s| s >= SHARE_MIN) && back.is_some_and(|s| s >= SHARE_MIN);
-        is_sure.then_some(Constraint::of_match(older, finished, &found))
+        let prior =
+            Prior { map_from_scan: guess, shift_m: window.shift_m / 2.0, turn_rad: window.turn_rad / 2.0 };
+        let found = find_piece(old, new, &prior, window, SURENESS)?;
+        Some(Constraint::of_match(older, finished, &found))
     }
 
     /// A loop was closed.
@@ -101,16 +89,40 @@ impl Loops {
     }
 }
 
-/// Share of a cloud's points on surfaces of a map, among those that have any of it near; `None` when too few do.
-fn share_in_overlap(map: &scan_match::MatchMap, cloud: &Cloud, map_from_cloud: Pose2) -> Option<f64> {
-    let (mut n_overlap, mut n_on_surface) = (0, 0);
-    for point in cloud.points() {
-        let at = map_from_cloud.transform(point.at.cast::<f64>());
-        if map.is_near_surface(at, OVERLAP_M) {
-            n_overlap += 1;
-            n_on_surface += usize::from(map.is_on_surface(at));
-        }
+/// How sure one must be that a piece was found in another.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sureness {
+    /// Of the points that say anything, the share that must speak for it, both ways.
+    pub(super) share_min: f64,
+    /// Share of the points that must say anything.
+    pub(super) told_min: f64,
+    /// How much better it must be than anywhere else.
+    pub(super) margin: f64,
+}
+
+/// Looks for one sub-map in another one; `None` unless it is found surely. Both ways: what the old one shows
+/// where the new one looked must be in the new one too.
+pub(super) fn find_piece(
+    old: &Submap,
+    new: &Submap,
+    prior: &Prior,
+    window: Window,
+    sureness: Sureness,
+) -> Option<Match> {
+    let cloud = new.cloud().thinned(N_POINTS_MAX);
+    let old_map = old.rebuilt(N_REBUILT_MAX);
+    let places = scan_match::candidates(&old_map, &cloud, prior, window, N_PLACES);
+    let best = places.first()?;
+    let is_fit = |evidence: &Evidence| {
+        evidence.share() >= sureness.share_min
+            && evidence.n_told() as f64 >= sureness.told_min * evidence.n_points as f64
+    };
+    let other = places.get(1).map_or(f64::NEG_INFINITY, |other| other.score);
+    if !is_fit(&best.evidence) || best.score < other + sureness.margin {
+        return None;
     }
-    let is_enough = n_overlap as f64 >= OVERLAP_MIN * cloud.points().len() as f64;
-    is_enough.then(|| f64::from(n_on_surface as u32) / f64::from(n_overlap as u32))
+    let new_map = new.rebuilt(N_REBUILT_MAX);
+    let old_cloud = old.cloud().thinned(N_POINTS_MAX);
+    let back = Evidence::of_points(&new_map, &old_cloud, best.found.map_from_scan.inverse());
+    (back.share() >= sureness.share_min && back.n_on_surface >= N_BACK_MIN).then_some(best.found)
 }

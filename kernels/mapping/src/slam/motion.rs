@@ -1,23 +1,26 @@
 //! Where the next scan is expected, and how far off that may be.
 //!
-//! With odometry: where it says, give or take a share of the way. Without: where the motion so far leads, or
-//! where the robot was, whichever has been nearer lately. Either way the expected error follows what matching
-//! found: an odometry that is worse than configured is given a wider window, not believed.
+//! With odometry: where it says, less what it is known to get wrong, give or take a share of the way. Without:
+//! the way and the turn are foreseen each by whatever has been nearest lately: the same again, as far ahead as
+//! usual, or none. Either way the expected error follows what matching found: an odometry that is worse than
+//! configured is given a wider window, not believed.
 
 use geometry::Pose2;
+use geometry::angle::wrapped;
 
+use super::calibration::Calibration;
 use crate::scan_match::Window;
 
 /// Windows reach this far at most, metres and radians.
 const SHIFT_MAX_M: f64 = 2.5;
-const TURN_MAX_RAD: f64 = 1.75;
+const TURN_MAX_RAD: f64 = 1.9;
 /// Windows reach so many deviations, ...
 const N_DEVIATIONS: f64 = 3.0;
 /// ... and at least this far.
 const SHIFT_MIN_M: f64 = 0.15;
 const TURN_MIN_RAD: f64 = 0.06;
 /// Weight of the newest error.
-const NEWEST: f64 = 0.3;
+const NEWEST: f64 = 0.2;
 /// More scans that did not fit widen a window no further.
 const N_MISSES_MAX: u32 = 2;
 /// Against odometry, windows reach this far at most.
@@ -25,9 +28,19 @@ const SHIFT_ODOMETRY_MAX_M: f64 = 1.2;
 const TURN_ODOMETRY_MAX_RAD: f64 = 0.7;
 /// Most that errors beyond the configured ones widen a window.
 const SURPRISE_MAX: f64 = 10.0;
-
-/// When nothing is known of the motion, it is looked for widely.
-const UNKNOWN: Errors = Errors { shift_m: 0.6, turn_rad: 0.5 };
+/// A calibrated odometry still slips: share of the way, radians for each metre.
+const SLIP_SHARE: f64 = 0.03;
+const SLIP_RAD_M: f64 = 0.02;
+/// A deviation is this much more than the mean of errors.
+const DEVIATION_OF_MEAN: f64 = 1.25;
+/// Without odometry, nobody knows when a robot that stands goes on, or turns again: the deviation is at least
+/// this share of the longest way and the widest turn lately, ...
+const SHARE_OF_LONGEST: f64 = 0.4;
+/// ... and lately fades by this share with each scan.
+const KEPT_OF_LONGEST: f64 = 0.95;
+/// How far the next scan may be off when nothing is known of the motion, metres and radians.
+const UNKNOWN_SHIFT_M: f64 = 0.6;
+const UNKNOWN_TURN_RAD: f64 = 0.4;
 
 /// How far odometry may be off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,16 +73,27 @@ pub struct Foreseen {
     pub shift_m: f64,
     /// Standard deviation of the heading, radians.
     pub turn_rad: f64,
-    /// Odometry said so.
-    pub(super) is_odometry: bool,
+    /// What odometry said.
+    pub(super) told: Option<Pose2>,
 }
 
 impl Foreseen {
+    /// Odometry said so.
+    pub(super) fn is_odometry(&self) -> bool {
+        self.told.is_some()
+    }
+
     /// The same after so many scans in a row that did not fit: their errors add up.
     #[must_use]
     pub(crate) fn after_misses(self, n: u32) -> Self {
         let more = 1.0 + f64::from(n.min(N_MISSES_MAX));
         Foreseen { shift_m: self.shift_m * more, turn_rad: self.turn_rad * more, ..self }
+    }
+
+    /// The same with at least these deviations, metres and radians.
+    #[must_use]
+    pub(crate) fn no_surer_than(self, shift_m: f64, turn_rad: f64) -> Self {
+        Foreseen { shift_m: self.shift_m.max(shift_m), turn_rad: self.turn_rad.max(turn_rad), ..self }
     }
 
     /// Where to look.
@@ -93,7 +117,7 @@ impl Foreseen {
     /// The largest window there is.
     #[must_use]
     pub(super) fn widest(&self) -> Window {
-        if self.is_odometry {
+        if self.is_odometry() {
             Window { shift_m: SHIFT_ODOMETRY_MAX_M, turn_rad: TURN_ODOMETRY_MAX_RAD }
         } else {
             Window { shift_m: SHIFT_MAX_M, turn_rad: TURN_MAX_RAD }
@@ -101,22 +125,20 @@ impl Foreseen {
     }
 }
 
-/// Lately seen errors of one way to foresee.
+/// One way to foresee a number or a vector, and its mean error lately.
 #[derive(Clone, Copy, Debug)]
-struct Errors {
-    shift_m: f64,
-    turn_rad: f64,
+struct Guess<T> {
+    value: T,
+    error: f64,
 }
 
-impl Errors {
-    fn hear(&mut self, off: &Pose2) {
-        self.shift_m += NEWEST * (off.position().coords.norm() - self.shift_m);
-        self.turn_rad += NEWEST * (off.yaw_rad.abs() - self.turn_rad);
+impl<T: Copy> Guess<T> {
+    fn hear(&mut self, error: f64) {
+        self.error += NEWEST * (error - self.error);
     }
 
-    /// In metres, as seen on something three metres away.
-    fn size_m(&self) -> f64 {
-        self.shift_m + 3.0 * self.turn_rad
+    fn better(self, other: Self) -> Self {
+        if other.error < self.error { other } else { self }
     }
 }
 
@@ -124,12 +146,14 @@ impl Errors {
 #[derive(Clone, Debug)]
 pub struct MotionModel {
     config: MotionConfig,
-    /// The last motion that was found.
-    last: Pose2,
-    /// Of going on as before, and of standing still.
-    going_on: Errors,
-    standing: Errors,
-    /// How many times odometry's errors are larger than configured.
+    /// Ways: none, the last one again, straight ahead as far as usual. Metres.
+    ways: [Guess<[f64; 2]>; 3],
+    /// Turns: none, the last one again. Radians.
+    turns: [Guess<f64>; 2],
+    /// Longest way and widest turn lately, metres and radians.
+    longest: [f64; 2],
+    calibration: Calibration,
+    /// How many times odometry's errors are larger than expected.
     surprise: f64,
 }
 
@@ -137,54 +161,79 @@ impl MotionModel {
     /// A model of a robot at rest.
     #[must_use]
     pub fn new(config: MotionConfig) -> Self {
-        MotionModel { config, last: Pose2::IDENTITY, going_on: UNKNOWN, standing: UNKNOWN, surprise: 1.0 }
+        MotionModel {
+            config,
+            ways: [Guess { value: [0.0; 2], error: UNKNOWN_SHIFT_M }; 3],
+            turns: [Guess { value: 0.0, error: UNKNOWN_TURN_RAD }; 2],
+            longest: [0.0; 2],
+            calibration: Calibration::new(config.shift_share, config.turn_rad_m),
+            surprise: 1.0,
+        }
     }
 
     /// What to expect, by odometry's motion since the last scan if there is any.
     #[must_use]
-    pub fn foresee(&self, last_from_now: Option<Pose2>) -> Foreseen {
-        let MotionConfig { shift_share, shift_m, turn_rad_m, turn_share, turn_rad } = self.config;
-        if let Some(last_from_now) = last_from_now {
-            let (way_m, turned_rad) = (last_from_now.position().coords.norm(), last_from_now.yaw_rad.abs());
+    pub fn foresee(&self, told: Option<Pose2>) -> Foreseen {
+        let MotionConfig { shift_m, turn_share, turn_rad, .. } = self.config;
+        if let Some(told) = told {
+            let (way_m, turned_rad) = (told.position().coords.norm(), told.yaw_rad.abs());
+            let (share, turn_rad_m) = self.calibration.deviations();
             return Foreseen {
-                last_from_now,
-                shift_m: (shift_m + shift_share * way_m) * self.surprise,
-                turn_rad: (turn_rad + turn_rad_m * way_m + turn_share * turned_rad) * self.surprise,
-                is_odometry: true,
+                last_from_now: self.calibration.corrected(&told),
+                shift_m: (shift_m + share.hypot(SLIP_SHARE) * way_m) * self.surprise,
+                turn_rad: (turn_rad + turn_rad_m.hypot(SLIP_RAD_M) * way_m + turn_share * turned_rad)
+                    * self.surprise,
+                told: Some(told),
             };
         }
-        let goes_on = self.going_on.size_m() < self.standing.size_m();
-        let (last_from_now, errors) =
-            if goes_on { (self.last, self.going_on) } else { (Pose2::IDENTITY, self.standing) };
+        let [none, again, usual] = self.ways;
+        let (way, turn) = (none.better(again).better(usual), self.turns[0].better(self.turns[1]));
         Foreseen {
-            last_from_now,
-            shift_m: shift_m + errors.shift_m,
-            turn_rad: turn_rad + errors.turn_rad,
-            is_odometry: false,
+            last_from_now: Pose2::new(way.value[0], way.value[1], turn.value),
+            shift_m: shift_m + (DEVIATION_OF_MEAN * way.error).max(SHARE_OF_LONGEST * self.longest[0]),
+            turn_rad: turn_rad + (DEVIATION_OF_MEAN * turn.error).max(SHARE_OF_LONGEST * self.longest[1]),
+            told: None,
         }
     }
 
     /// The last scan told nothing: without odometry, the next one may be anywhere around.
     pub fn forget(&mut self) {
-        self.last = Pose2::IDENTITY;
-        self.going_on = UNKNOWN;
-        self.standing = UNKNOWN;
+        for way in &mut self.ways {
+            way.error = way.error.max(UNKNOWN_SHIFT_M);
+        }
+        for turn in &mut self.turns {
+            turn.error = turn.error.max(UNKNOWN_TURN_RAD);
+        }
     }
 
-    /// Learns where the robot really went, from poses in one frame.
-    pub fn learn(&mut self, last: &Pose2, now: &Pose2, foreseen: &Foreseen) {
-        let last_from_now = last.inverse() * *now;
-        self.going_on.hear(&(self.last.inverse() * last_from_now));
-        self.standing.hear(&last_from_now);
-        self.last = last_from_now;
-        if foreseen.is_odometry {
-            let off = foreseen.last_from_now.inverse() * last_from_now;
+    /// Learns where the robot really went, from poses in one frame; `variance` is how well that is known, along
+    /// the way (m²), in heading (rad²), and aside (m²).
+    pub fn learn(&mut self, last: &Pose2, now: &Pose2, foreseen: &Foreseen, variance: [f64; 3]) {
+        let found = last.inverse() * *now;
+        for way in &mut self.ways {
+            way.hear((found.x_m - way.value[0]).hypot(found.y_m - way.value[1]));
+        }
+        for turn in &mut self.turns {
+            turn.hear(wrapped(found.yaw_rad - turn.value).abs());
+        }
+        for (longest, found) in
+            self.longest.iter_mut().zip([found.position().coords.norm(), found.yaw_rad.abs()])
+        {
+            *longest = found.max(KEPT_OF_LONGEST * *longest);
+        }
+        let [_, again, usual] = &mut self.ways;
+        again.value = [found.x_m, found.y_m];
+        usual.value[0] += NEWEST * (found.x_m - usual.value[0]);
+        self.turns[1].value = found.yaw_rad;
+        if let Some(told) = foreseen.told {
+            let off = foreseen.last_from_now.inverse() * found;
             let shift = off.position().coords.norm() / foreseen.shift_m;
             let turn = off.yaw_rad.abs() / foreseen.turn_rad;
             // Of what was expected with the surprise so far.
-            let found = shift.max(turn) * self.surprise;
-            self.surprise += NEWEST * (found - self.surprise);
+            let found_surprise = shift.max(turn) * self.surprise;
+            self.surprise += NEWEST * (found_surprise - self.surprise);
             self.surprise = self.surprise.clamp(1.0, SURPRISE_MAX);
+            self.calibration.learn(&told, &found, variance);
         }
     }
 }

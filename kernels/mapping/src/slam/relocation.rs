@@ -5,11 +5,15 @@ use std::f64::consts::PI;
 
 use geometry::Pose2;
 
-use super::{Slam, motion};
-use crate::scan_match::{self, Cloud, Prior, Window};
+use super::{Slam, agreement, motion};
+use crate::scan_match::{self, Candidate, Cloud, Prior, Window};
 
 /// Share of a scan that must lie on a sub-map's surfaces for the robot to be there.
 const SHARE_MIN: f64 = 0.75;
+/// So many places are compared, and the best must be better than the next by this much: places that look
+/// alike are none.
+const N_PLACES: usize = 3;
+const MARGIN: f64 = 0.1;
 /// With fewer points no place is told from another.
 const N_POINTS_MIN: usize = 40;
 /// Most pieces of surface of a sub-map that is looked into.
@@ -40,12 +44,18 @@ impl Slam {
         let shift_m = submap.reach_m().clamp(2.0, SHIFT_MAX_M);
         let prior = Prior { map_from_scan: guess, shift_m: 10.0 * shift_m, turn_rad: 10.0 };
         let window = Window { shift_m, turn_rad: PI };
-        let found = scan_match::find(map, cloud, &prior, window);
-        let Some(found) = found.filter(|found| found.inlier_share >= SHARE_MIN) else { return false };
+        let places = scan_match::candidates(map, cloud, &prior, window, N_PLACES);
+        let other = places.get(1).map_or(f64::NEG_INFINITY, |other| other.score);
+        let is_sure = |c: &&Candidate| {
+            c.found.inlier_share >= SHARE_MIN
+                && c.score >= other + MARGIN
+                && agreement::agrees(&c.evidence, false)
+        };
+        let Some(found) = places.first().filter(is_sure).map(|c| c.found) else { return false };
         let map_from_base = submap.map_from_submap * found.map_from_scan;
         self.graph.tie(idx, self.submaps.len(), found.map_from_scan);
         self.begin_at(map_from_base);
-        self.motion = motion::MotionModel::new(self.config.motion);
+        self.motion.forget();
         self.judge.found();
         true
     }

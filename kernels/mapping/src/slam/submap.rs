@@ -1,8 +1,10 @@
 //! A few metres of the way as one rigid piece.
 
+use std::borrow::Cow;
+
 use geometry::{Point2, Pose2};
 
-use crate::scan_match::{Cloud, MatchMap};
+use crate::scan_match::{Cloud, FreeGrid, MatchMap};
 
 /// One sub-map.
 pub(super) struct Submap {
@@ -14,6 +16,7 @@ pub(super) struct Submap {
     map: Option<MatchMap>,
     /// Its surfaces when it is finished.
     cloud: Cloud,
+    free: FreeGrid,
     cell_m: f64,
     /// Middle and half size of what it holds, in its own frame, metres.
     middle: Point2,
@@ -27,6 +30,7 @@ impl Submap {
             begun_at_m,
             map: Some(MatchMap::new(cell_m)),
             cloud: Cloud::default(),
+            free: FreeGrid::default(),
             cell_m,
             middle: Point2::origin(),
             reach_m: 0.0,
@@ -56,6 +60,7 @@ impl Submap {
     pub(super) fn finish(&mut self) {
         let Some(map) = self.map.take() else { return };
         self.cloud = map.to_cloud();
+        self.free = map.free().clone();
         let (mut low, mut high) = (Point2::origin(), Point2::origin());
         for point in self.cloud.points() {
             let at = point.at.cast::<f64>();
@@ -66,15 +71,16 @@ impl Submap {
         self.reach_m = (high - low).norm() / 2.0;
     }
 
-    /// The surfaces of a finished one.
-    pub(super) fn cloud(&self) -> &Cloud {
-        &self.cloud
+    /// Its surfaces.
+    pub(super) fn cloud(&self) -> Cow<'_, Cloud> {
+        self.map.as_ref().map_or(Cow::Borrowed(&self.cloud), |map| Cow::Owned(map.to_cloud()))
     }
 
-    /// A finished one, made ready to be matched against, with at most so many pieces of surface.
+    /// Made anew to be matched against, with at most so many pieces of surface.
     pub(super) fn rebuilt(&self, n_max: usize) -> MatchMap {
         let mut map = MatchMap::new(self.cell_m);
-        map.insert(&self.cloud.thinned(n_max), Pose2::IDENTITY);
+        map.insert(&self.cloud().thinned(n_max), Pose2::IDENTITY);
+        map.set_free(self.map.as_ref().map_or(&self.free, MatchMap::free).clone());
         map
     }
 

@@ -67,3 +67,15 @@ pub fn quantile(ascending: &[f64], share: f64) -> f64 {
     let last = ascending.len().saturating_sub(1);
     ascending.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
+
+/// The mean; NaN of none.
+#[must_use]
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The root of the mean square: what is far off counts more. NaN of none.
+#[must_use]
+pub fn root_mean_square(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+}

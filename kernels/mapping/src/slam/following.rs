@@ -1,0 +1,126 @@
+//! From one scan to the next: where a scan lies in a map, given where the last one lay and what is foreseen.
+//!
+//! When little is unsure the scan is moved onto the surfaces from where it is foreseen, and that is that. When
+//! it does not fit there, or much is unsure, all places around are looked at, and what speaks for each of them
+//! and against it decides.
+
+use geometry::Pose2;
+use nalgebra::Matrix3;
+
+use super::agreement::agrees;
+use super::motion::Foreseen;
+use crate::scan_match::{self, Candidate, Cloud, Evidence, MatchMap, Prior, Window, refine};
+
+/// Where no more than this is unsure, metres and radians, the scan is first tried where it is foreseen.
+const DIRECT_SHIFT_M: f64 = 0.2;
+const DIRECT_TURN_RAD: f64 = 0.15;
+/// Share of the scan that must lie on surfaces then, ...
+const DIRECT_INLIERS_MIN: f64 = 0.6;
+/// ... and of what says anything, what speaks for it, ...
+const DIRECT_SHARE_MIN: f64 = 0.85;
+/// ... and it must lie within this many squared deviations.
+const DIRECT_DEVIATIONS2_MAX: f64 = 6.0;
+/// So many places are looked at closely.
+const N_CANDIDATES: usize = 4;
+/// How much wider a window is made when nothing fits, and at least how wide.
+const WIDER: f64 = 3.0;
+const WIDE_SHIFT_M: f64 = 1.0;
+const WIDE_TURN_RAD: f64 = 0.6;
+/// A place in the wider window must be better by this much, or by this much against the word of odometry.
+const GAIN_MIN: f64 = 0.05;
+const GAIN_ODOMETRY_MIN: f64 = 0.2;
+/// Information below which surfaces say nothing: 1/m², 1/rad².
+const INFORMATION_MIN: f64 = 1.0;
+
+/// Where a scan was found.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Followed {
+    /// The pose, in the map.
+    pub(crate) pose: Pose2,
+    /// Share of the scan on surfaces.
+    pub(crate) inlier_share: f64,
+    /// Scan and map agree there.
+    pub(crate) is_good: bool,
+    /// How well surfaces tell the motion: variance along the way (m²), of the heading (rad²), and aside (m²).
+    pub(crate) variance: [f64; 3],
+}
+
+/// Looks for a scan in a map, from `last`, the pose of the scan before. `None` when map or scan is empty.
+pub(crate) fn follow(
+    map: &MatchMap,
+    cloud: &Cloud,
+    last: &Pose2,
+    foreseen: &Foreseen,
+    window: Window,
+) -> Option<Followed> {
+    let prior = Prior {
+        map_from_scan: *last * foreseen.last_from_now,
+        shift_m: foreseen.shift_m,
+        turn_rad: foreseen.turn_rad,
+    };
+    let expects = |pose: &Pose2| foreseen.expects(&(last.inverse() * *pose));
+    let followed = |candidate: &Candidate, is_good: bool| {
+        let pose = candidate.found.map_from_scan;
+        Followed {
+            pose,
+            inlier_share: candidate.found.inlier_share,
+            is_good,
+            variance: variance_of(&candidate.found.information, last, &pose),
+        }
+    };
+    if let Some(direct) = directly(map, cloud, &prior) {
+        return Some(followed(&direct, true));
+    }
+    let is_good =
+        |candidate: &Candidate| agrees(&candidate.evidence, expects(&candidate.found.map_from_scan));
+    let near = scan_match::candidates(map, cloud, &prior, window, N_CANDIDATES);
+    let best = near.iter().find(|c| is_good(c));
+    if let Some(best) = best {
+        return Some(followed(best, true));
+    }
+    let widest = foreseen.widest();
+    let wider = Window {
+        shift_m: (window.shift_m * WIDER).max(WIDE_SHIFT_M).min(widest.shift_m),
+        turn_rad: (window.turn_rad * WIDER).max(WIDE_TURN_RAD).min(widest.turn_rad),
+    };
+    let is_wider = wider.shift_m > window.shift_m || wider.turn_rad > window.turn_rad;
+    let near = near.first();
+    if is_wider {
+        let loose = Prior { shift_m: wider.shift_m / 2.0, turn_rad: wider.turn_rad / 2.0, ..prior };
+        let gain = if foreseen.is_odometry() { GAIN_ODOMETRY_MIN } else { GAIN_MIN };
+        let floor = near.map_or(f64::NEG_INFINITY, |near| near.score + gain);
+        let far = scan_match::candidates(map, cloud, &loose, wider, N_CANDIDATES);
+        if let Some(far) = far.iter().find(|c| c.score >= floor && is_good(c)) {
+            return Some(followed(far, true));
+        }
+    }
+    near.map(|near| followed(near, false))
+}
+
+/// The scan where it is foreseen, moved onto the surfaces; `None` when too much is unsure or it does not fit.
+fn directly(map: &MatchMap, cloud: &Cloud, prior: &Prior) -> Option<Candidate> {
+    if prior.shift_m > DIRECT_SHIFT_M || prior.turn_rad > DIRECT_TURN_RAD {
+        return None;
+    }
+    let found = refine::refine(map, cloud, prior.map_from_scan, prior);
+    let evidence = Evidence::of_points(map, cloud, found.map_from_scan);
+    let is_sure = found.inlier_share >= DIRECT_INLIERS_MIN
+        && evidence.share() >= DIRECT_SHARE_MIN
+        && prior.squared_deviations(&found.map_from_scan) <= DIRECT_DEVIATIONS2_MAX
+        && agrees(&evidence, true);
+    is_sure.then(|| Candidate { found, evidence, score: evidence.score() })
+}
+
+/// Variance along the way between two poses, of the heading, and aside of the way.
+fn variance_of(information: &Matrix3<f64>, last: &Pose2, now: &Pose2) -> [f64; 3] {
+    let told = information + Matrix3::identity() * INFORMATION_MIN;
+    let covariance = told.try_inverse().unwrap_or_else(|| Matrix3::identity() / INFORMATION_MIN);
+    let way = now.position() - last.position();
+    let way_m = way.norm();
+    if way_m < 1e-6 {
+        return [1.0, covariance[(2, 2)], 1.0];
+    }
+    let along = nalgebra::Vector3::new(way.x / way_m, way.y / way_m, 0.0);
+    let aside = nalgebra::Vector3::new(-along.y, along.x, 0.0);
+    [along.dot(&(covariance * along)), covariance[(2, 2)], aside.dot(&(covariance * aside))]
+}

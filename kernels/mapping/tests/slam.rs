@@ -1,0 +1,196 @@
+//! Mapping by scans alone and with wheels that drift, in generated buildings.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail loudly")]
+
+mod building;
+
+use std::f64::consts::PI;
+
+use building::{Building, Lidar, RANGE_MAX_M};
+use geometry::Pose2;
+use mapping::base_map::Scan;
+use mapping::localise::Localiser;
+use mapping::slam::{MotionConfig, Slam, SlamConfig, Standing};
+use proptest::prelude::*;
+use rand::SeedableRng;
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+fn scan_of<'a>(ranges_m: &'a [f32], lidar: &Lidar) -> Scan<'a> {
+    Scan {
+        ranges_m,
+        angle_min_rad: lidar.angle_min_rad(),
+        angle_increment_rad: lidar.angle_step_rad(),
+        range_min_m: 0.05,
+        range_max_m: RANGE_MAX_M,
+        no_return_is_free: false,
+    }
+}
+
+/// A motion as wheels tell it that err by a share of the way and by radians for each metre.
+fn told(truly: Pose2, [share, turn_rad_m]: [f64; 2]) -> Pose2 {
+    let way_m = truly.position().coords.norm();
+    let scale = 1.0 + share;
+    Pose2::new(scale * truly.x_m, scale * truly.y_m, truly.yaw_rad + turn_rad_m * way_m)
+}
+
+/// A drive through a building.
+struct Drive {
+    slam: Slam,
+    truth: Vec<Pose2>,
+    found: Vec<Pose2>,
+    n_not_good: usize,
+}
+
+fn drive(seed: u64, n: usize, step_m: f64, lidar: Lidar, drift: Option<[f64; 2]>) -> Drive {
+    let building = Building::generated(seed);
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let truth = building.way(n, step_m);
+    let mut slam = Slam::new(SlamConfig::default(), truth[0]).unwrap();
+    let (mut anchors, mut n_not_good) = (Vec::new(), 0);
+    for (idx, pose) in truth.iter().enumerate() {
+        let truly = idx.checked_sub(1).map(|last| truth[last].inverse() * *pose);
+        let ranges_m = building.scan(*pose, &lidar, &mut rng);
+        let odometry = drift.and_then(|drift| truly.map(|truly| told(truly, drift)));
+        let located = slam.step(&scan_of(&ranges_m, &lidar), odometry).unwrap();
+        n_not_good += usize::from(located.standing != Standing::Good);
+        anchors.push(located.anchor);
+    }
+    slam.finish();
+    let found = anchors.iter().map(|anchor| slam.pose(anchor)).collect();
+    Drive { slam, truth, found, n_not_good }
+}
+
+impl Drive {
+    /// The largest error over stretches of so many scans: metres, radians.
+    fn worst_over(&self, n_scans: usize) -> (f64, f64) {
+        let off = |begin: usize| {
+            let end = begin + n_scans;
+            let truly = self.truth[begin].inverse() * self.truth[end];
+            let off = truly.inverse() * (self.found[begin].inverse() * self.found[end]);
+            (off.position().coords.norm(), off.yaw_rad.abs())
+        };
+        let stretches = 0..self.truth.len().saturating_sub(n_scans);
+        stretches.map(off).fold((0.0, 0.0), |worst, off| (worst.0.max(off.0), worst.1.max(off.1)))
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+
+    #[test]
+    fn around_a_building_the_motion_is_found_however_the_wheels_drift(
+        seed in any::<u64>(), share in -0.05..0.05_f64, turn_deg_m in -2.0..2.0_f64, n_people in 0..3_usize,
+    ) {
+        let lidar = Lidar { n_people, ..Lidar::default() };
+        let driven = drive(seed, 260, 0.25, lidar, Some([share, turn_deg_m.to_radians()]));
+        let (one, ten) = (driven.worst_over(4), driven.worst_over(40));
+        prop_assert!(one.0 < 0.05 && one.1 < 1.0_f64.to_radians(), "{one:?} off over a metre");
+        prop_assert!(ten.0 < 0.15 && ten.1 < 2.0_f64.to_radians(), "{ten:?} off over ten");
+        prop_assert!(driven.n_not_good == 0 && driven.slam.n_torn() == 0);
+    }
+
+    #[test]
+    fn around_a_building_the_motion_is_found_by_scans_alone(seed in any::<u64>()) {
+        let driven = drive(seed, 330, 0.2, Lidar::default(), None);
+        let (one, ten) = (driven.worst_over(5), driven.worst_over(50));
+        prop_assert!(one.0 < 0.08 && one.1 < 1.0_f64.to_radians(), "{one:?} off over a metre");
+        prop_assert!(ten.0 < 0.3 && ten.1 < 2.0_f64.to_radians(), "{ten:?} off over ten");
+    }
+
+    #[test]
+    fn half_a_circle_of_180_beams_is_enough_with_wheels(seed in any::<u64>()) {
+        let lidar = Lidar { n_beams: 180, fov_rad: PI, ..Lidar::default() };
+        let driven = drive(seed, 150, 0.5, lidar, Some([0.05, 2.0_f64.to_radians()]));
+        let ten = driven.worst_over(20);
+        prop_assert!(ten.0 < 0.2 && ten.1 < 2.0_f64.to_radians(), "{ten:?} off over ten metres");
+    }
+
+    #[test]
+    fn a_robot_that_is_carried_off_is_lost_or_right(seed in any::<u64>(), to in 0.2..0.9_f64, turn in -PI..PI) {
+        let building = Building::generated(seed);
+        let lidar = Lidar::default();
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        // All of the building is in the map that it is put back into.
+        let way = building.way(240, 0.25);
+        let driven = drive(seed, 240, 0.25, lidar, Some([0.0; 2]));
+        let map = driven.slam.base_map().occupancy();
+        let mut localiser =
+            Localiser::new(map, Pose2::IDENTITY, 30.0, MotionConfig::default(), way[0]);
+        for (idx, pose) in way[..20].iter().enumerate() {
+            let truly = idx.checked_sub(1).map(|last| way[last].inverse() * *pose);
+            let found = localiser.step(&scan_of(&building.scan(*pose, &lidar, &mut rng), &lidar), truly);
+            let off = pose.inverse() * found.unwrap().map_from_base;
+            prop_assert!(off.position().coords.norm() < 0.15, "{off:?} off before it was carried");
+        }
+        let carried = way[(240.0 * to) as usize];
+        let carried = Pose2::new(carried.x_m, carried.y_m, carried.yaw_rad + turn);
+        let is_far = (carried.position() - way[19].position()).norm() > 1.0;
+        for nth in 0..60 {
+            let ranges_m = building.scan(carried, &lidar, &mut rng);
+            let found = localiser.step(&scan_of(&ranges_m, &lidar), Some(Pose2::IDENTITY)).unwrap();
+            let off = carried.inverse() * found.map_from_base;
+            let is_right = off.position().coords.norm() < 0.3 && off.yaw_rad.abs() < 0.1;
+            if is_far && nth > 9 {
+                prop_assert!(is_right || found.standing != Standing::Good, "{off:?} off and sure of it");
+            }
+        }
+    }
+
+    #[test]
+    fn no_scan_and_no_odometry_crashes_the_mapping(
+        ranges in prop::collection::vec(
+            prop_oneof![Just(f32::NAN), Just(f32::INFINITY), Just(-1.0_f32), Just(0.0_f32), 0.0..40.0_f32], 0..400,
+        ),
+        jump in prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(1e9), -50.0..50.0_f64],
+        turn in -1e3..1e3_f64,
+    ) {
+        let building = Building::generated(7);
+        let lidar = Lidar::default();
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
+        let mut slam = Slam::new(SlamConfig::default(), Pose2::IDENTITY).unwrap();
+        for nth in 0..6 {
+            let seen = building.scan(building.way(1, 0.1)[0], &lidar, &mut rng);
+            let odd = Lidar { n_beams: ranges.len().max(1), ..lidar };
+            let (scan, odometry) = if nth % 2 == 0 {
+                (scan_of(&seen, &lidar), Some(Pose2::IDENTITY))
+            } else {
+                (scan_of(&ranges, &odd), Some(Pose2 { x_m: jump, y_m: 0.0, yaw_rad: turn }))
+            };
+            if let Ok(located) = slam.step(&scan, odometry) {
+                prop_assert!(located.map_from_base.is_finite());
+            }
+        }
+        slam.finish();
+    }
+}
+
+#[test]
+fn where_scans_stop_fitting_a_new_piece_begins_and_is_found_in_the_old_when_it_can_be() {
+    let building = Building::generated(3);
+    let lidar = Lidar::default();
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(3);
+    let way = building.way(120, 0.2);
+    let mut slam = Slam::new(SlamConfig::default(), way[0]).unwrap();
+    let mut anchors = Vec::new();
+    for (idx, pose) in way.iter().enumerate() {
+        let ranges_m = building.scan(*pose, &lidar, &mut rng);
+        let scan = scan_of(&ranges_m, &lidar);
+        let located = slam.step(&scan, None).unwrap();
+        // Once, the scan is given up though it fits.
+        let located = if idx == 60 { slam.begin_anew(&scan).unwrap() } else { located };
+        anchors.push(located.anchor);
+    }
+    slam.finish();
+    assert_eq!(slam.n_torn(), 0, "the new piece was not found in the old");
+    let off = way[119].inverse() * slam.pose(&anchors[119]);
+    assert!(off.position().coords.norm() < 0.3 && off.yaw_rad.abs() < 0.05, "{off:?} off");
+}
+
+#[test]
+fn a_scan_that_cannot_be_is_refused_by_name_and_changes_nothing() {
+    let mut slam = Slam::new(SlamConfig::default(), Pose2::IDENTITY).unwrap();
+    let lidar = Lidar::default();
+    let scan = Scan { angle_increment_rad: f64::NAN, ..scan_of(&[1.0; 4], &lidar) };
+    assert!(slam.step(&scan, None).unwrap_err().to_string().contains("NaN"));
+    assert_eq!(slam.map_from_base(), Pose2::IDENTITY);
+}
