@@ -27,6 +27,7 @@ mod recovery;
 mod scene;
 mod score;
 pub mod standard;
+mod sweeper;
 pub mod tracker;
 mod unfreeze;
 

@@ -7,7 +7,7 @@
 
 use super::isa::{Work, fused};
 use super::merge::Merged;
-use super::packed::{RIDGE, unpacked};
+use super::packed::RIDGE;
 
 /// Lanes of one pass.
 const N: usize = 64;
@@ -29,6 +29,14 @@ pub(crate) trait Model: Copy {
     const WRAPS: bool;
     /// What one step does to a lane.
     fn step<const FUSED: bool>(&self, speed_m_s: f32, turn_rad: f32, gain_m_s: f32) -> Step;
+    /// The margins at a place in a cell, to what must be kept clear of and to the slow zone, of the halves of the
+    /// cell's word; `quantum_m` is theirs.
+    fn margins_m<const FUSED: bool>(
+        &self,
+        halves: (u32, u32),
+        share: (f32, f32),
+        quantum_m: [f32; 2],
+    ) -> (f32, f32);
     /// What the two margins at a place are worth at a speed, metres.
     fn worth_m(&self, clear_m: f32, slow_m: f32, speed_m_s: f32) -> f32;
 }
@@ -67,8 +75,7 @@ pub(crate) struct From {
     pub tube_m: f32,
 }
 
-/// The grid of words under the lanes; the lower half of a word is the margin to what must be kept clear of, the
-/// upper half that to the slow zone.
+/// The grid of words under the lanes; what they mean is the model's business.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ground<'a> {
     /// As many as a power of two.
@@ -81,10 +88,15 @@ pub(crate) struct Ground<'a> {
     pub high: [f32; 2],
     /// The most that either margin changes over the length of a cell side, metres.
     pub slope_m: f32,
-    /// Quanta of the two margins, metres.
+    /// Quanta of the words, metres.
     pub quantum_m: [f32; 2],
     /// Who to ask where layers cross.
     pub ridges: Option<&'a Merged>,
+    /// Points to keep clear of, in cells from the lower left corner of the start's; only where segments lose.
+    pub points: &'a [[f32; 2]],
+    /// What the distance to them must exceed, and the side of a cell, metres.
+    pub points_keep_m: f32,
+    pub cell_m: f32,
 }
 
 /// The sequences: clamp(incumbent + scale · draw), a step each.
@@ -187,6 +199,8 @@ struct Pass {
     share_x: [f32; N],
     share_y: [f32; N],
     cell_idx: [i32; N],
+    /// The margin to the points.
+    near_m: [f32; N],
     clear: [u32; N],
     slow: [u32; N],
     ridge: [u32; N],
@@ -212,6 +226,7 @@ impl Pass {
             share_x: [0.0; N],
             share_y: [0.0; N],
             cell_idx: [0; N],
+            near_m: [f32::INFINITY; N],
             clear: [0; N],
             slow: [0; N],
             ridge: [0; N],
@@ -286,6 +301,9 @@ impl Pass {
     /// Lowers what lanes keep by the margins at their places; not 0 when some lie on a ridge that matters.
     #[inline(always)]
     fn judge<M: Model, const FUSED: bool>(&mut self, model: M, ground: &Ground<'_>) -> u32 {
+        if M::LOSES && !ground.points.is_empty() {
+            near_lanes::<FUSED>(self.n.min(N), ground, &mut self.near_m, &self.x, &self.y);
+        }
         judge_lanes::<M, FUSED>(
             self.n.min(N),
             model,
@@ -295,6 +313,7 @@ impl Pass {
             &mut self.ridge,
             &self.bound_m,
             &self.lost_m,
+            &self.near_m,
             (&self.clear, &self.slow),
             &self.share_x,
             &self.share_y,
@@ -310,7 +329,8 @@ impl Pass {
         for lane in (0..n.min(N)).filter(|lane| self.ridge[*lane] != 0) {
             let (x, y) = (self.share_x[lane], self.share_y[lane]);
             let clear_m = ridges.ridge_m(self.cell_idx[lane] as usize, (x, y));
-            let slow_m = ground.quantum_m[1] * unpacked::<false>(self.slow[lane], x, y);
+            let halves = (self.clear[lane], self.slow[lane]);
+            let (_, slow_m) = model.margins_m::<false>(halves, (x, y), ground.quantum_m);
             let worth_m = model.worth_m(clear_m, slow_m, self.speed_m_s[lane]);
             self.kept_m[lane] = least(self.kept_m[lane], worth_m);
         }
@@ -430,6 +450,31 @@ fn room_lanes<M: Model>(
     state
 }
 
+/// The margin to the nearest of the points.
+#[inline(always)]
+fn near_lanes<const FUSED: bool>(
+    n: usize,
+    ground: &Ground<'_>,
+    near_m: &mut [f32; N],
+    x: &[f32; N],
+    y: &[f32; N],
+) {
+    for first in (0..n).step_by(N_VECTOR) {
+        let (mut here, mut px, mut py) = ([f32::INFINITY; N_VECTOR], [0.0; N_VECTOR], [0.0; N_VECTOR]);
+        px.copy_from_slice(&x[first..first + N_VECTOR]);
+        py.copy_from_slice(&y[first..first + N_VECTOR]);
+        for [point_x, point_y] in ground.points {
+            for k in 0..N_VECTOR {
+                let (dx, dy) = (px[k] - point_x, py[k] - point_y);
+                here[k] = least(here[k], fused::<FUSED>(dx, dx, dy * dy));
+            }
+        }
+        for k in 0..N_VECTOR {
+            near_m[first + k] = here[k].sqrt() * ground.cell_m - ground.points_keep_m;
+        }
+    }
+}
+
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
 fn judge_lanes<M: Model, const FUSED: bool>(
@@ -441,25 +486,27 @@ fn judge_lanes<M: Model, const FUSED: bool>(
     ridge: &mut [u32; N],
     bound_m: &[f32; N],
     lost_m: &[f32; N],
+    near_m: &[f32; N],
     (clear, slow): (&[u32; N], &[u32; N]),
     share_x: &[f32; N],
     share_y: &[f32; N],
     speed_m_s: &[f32; N],
-    [clear_quantum_m, slow_quantum_m]: [f32; 2],
+    quantum_m: [f32; 2],
 ) -> u32 {
     let mut ridges = 0;
     for lane in 0..n {
         let (x, y, clear, slow) = (share_x[lane], share_y[lane], clear[lane], slow[lane]);
-        let clear_m = clear_quantum_m * unpacked::<FUSED>(clear, x, y);
-        let slow_m = slow_quantum_m * unpacked::<FUSED>(slow, x, y);
+        let (clear_m, slow_m) = model.margins_m::<FUSED>((clear, slow), (x, y), quantum_m);
         let worth_m = model.worth_m(clear_m, slow_m, speed_m_s[lane]);
         // Not the loaded value itself is chosen from: that would make a masked store, which the next load waits for.
         let kept = least(kept_m[lane], bound_m[lane]);
         room_m[lane] = least(clear_m, slow_m);
         if M::LOSES {
             // What such robots read is never a ridge: their words are bounds already.
+            let worth_m = least(worth_m, near_m[lane]);
             kept_m[lane] = least(kept, least(here_m[lane], worth_m) - lost_m[lane]);
             here_m[lane] = worth_m;
+            room_m[lane] = least(clear_m, near_m[lane]);
         } else {
             let lowers = if worth_m < kept { 1 } else { 0 };
             let is_ridge = (clear >> 31) & lowers;

@@ -15,7 +15,7 @@ use crate::filter::Filter;
 use crate::margin::{BaseLayer, RuleLayer};
 use crate::plan::Plan;
 use crate::scene::Scene;
-use crate::score::{Best, Runner, Wanted, search};
+use crate::score::{Best, Means, Runner, Wanted, search};
 
 const N_CASES: u64 = 120;
 
@@ -151,7 +151,8 @@ fn the_score_is_the_oracles_and_never_falls_over_the_rounds() {
             let mut best = Best::default();
             let from = (0.3, &[warm.as_slice()][..]);
             let goal = Wanted { above_m: 0.0, enough_m: f64::INFINITY };
-            search(&scene, &parameters, &mut noise, Runner::start(&scene), from, goal, &mut best);
+            let means = Means { noise: &mut noise, sweeper: None };
+            search(&scene, &parameters, means, Runner::start(&scene), from, goal, &mut best);
             let slow = score(
                 &case.world,
                 &case.assumptions,
