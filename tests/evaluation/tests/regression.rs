@@ -49,6 +49,8 @@ fn ours_keeps_each_kind_of_rule_and_reaches_the_goal() {
     check("home.json", 0, Method::SmoothBlending, Outcome::Success);
     check("nursery.json", 4, Method::SmoothBlending, Outcome::Success);
     check("office.json", 0, Method::LeastRestrictive, Outcome::Success);
+    // Its limit of the turn rate is below what the tracker asks for all the time.
+    check("pool_yard.json", 3, Method::LeastRestrictive, Outcome::Success);
 }
 
 #[test]

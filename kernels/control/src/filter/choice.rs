@@ -88,6 +88,11 @@ impl Filter {
             let others = primitives(wanted, capped, &scene.assumptions.limits, &scene.limits_in_force());
             passed = others.into_iter().skip(1).find(|&first| self.continues(scene, safest, first, needed_m));
         }
+        // A wish that is too fast for a rule in force is held to it, not refused: one that turns too fast would stop
+        // the robot for good.
+        if passed.is_none() && !is_blending && capped != wanted {
+            passed = Some(capped).filter(|&first| self.continues(scene, safest, first, needed_m));
+        }
         let (plan, action, v_sent_m) = match passed {
             Some(first) => {
                 let mut controls = vec![first];
