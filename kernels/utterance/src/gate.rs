@@ -111,7 +111,7 @@ pub fn is_unsafe(text: &str) -> Option<Unsafe> {
             if negated {
                 carries = true;
             } else if let Some(end) = object_end(pattern, &file.words, &words, at + n_verb)
-                && !(pattern.needs_order && !begins_order(&file.words, &words, at))
+                && (!pattern.needs_order || begins_order(&file.words, &words, at))
                 && !(pattern.may_be_told && is_told(&file.words, &words, at))
                 && !is_harmless(pattern, &words, at + n_verb)
             {

@@ -152,6 +152,26 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
             None => return Err(Trouble::Ask(format!("What do you mean by \"{}\"?", name.reference))),
         }
     }
+    spread_over_group(clause, &mut draft);
+    dedup(&mut draft.names);
+    let targetless = draft.names.is_empty() && draft.regions.is_empty();
+    // "be quiet nearby"
+    let nearby = draft.has(Sense::PrepNear);
+    if targetless && nearby && clause.antecedents.is_empty() {
+        return Err(Trouble::Ask("Near what?".into()));
+    }
+    if targetless
+        && (nearby || !is_limit(&draft))
+        && !draft.has_any(&[Sense::History, Sense::MinSpeed])
+        && let Some(name) = clause.antecedents.last()
+    {
+        draft.names.push(name.clone());
+    }
+    Ok(draft)
+}
+
+/// "both", "each of them": every name that was told of together.
+fn spread_over_group(clause: &Clause, draft: &mut Draft) {
     let group = &clause.group;
     let plural = clause.draft.all_names().any(|name| {
         name.is_pronoun
@@ -185,21 +205,6 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
             draft.names.clone_from(group);
         }
     }
-    dedup(&mut draft.names);
-    let targetless = draft.names.is_empty() && draft.regions.is_empty();
-    // "be quiet nearby"
-    let nearby = draft.has(Sense::PrepNear);
-    if targetless && nearby && clause.antecedents.is_empty() {
-        return Err(Trouble::Ask("Near what?".into()));
-    }
-    if targetless
-        && (nearby || !is_limit(&draft))
-        && !draft.has_any(&[Sense::History, Sense::MinSpeed])
-        && let Some(name) = clause.antecedents.last()
-    {
-        draft.names.push(name.clone());
-    }
-    Ok(draft)
 }
 
 /// The likeliest of the names that the pronoun can point at: "it" is nobody, "him" is someone.

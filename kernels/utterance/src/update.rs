@@ -45,18 +45,7 @@ pub fn update(
         draft.quantities.iter().any(|q| matches!(q.kind, Kind::Speed | Kind::TurnRate | Kind::Fraction))
             && draft.has(Sense::SpeedNoun)
             && !draft.has(Sense::Make);
-    let own_order = limit_order
-        || draft.has_any(&[
-            Sense::Avoid,
-            Sense::StayOff,
-            Sense::Careful,
-            Sense::Quiet,
-            Sense::Crawl,
-            Sense::Halt,
-        ])
-        || (draft.has(Sense::Away) || draft.has(Sense::From)) && !named.is_empty() && on_named.is_empty()
-        || !draft.regions.is_empty() && on_named.is_empty()
-        || draft.n_neg > 0 && !draft.has_any(&[Sense::Faster, Sense::Closer]);
+    let own_order = limit_order || is_own_order(draft, &named, &on_named);
     let asks = draft.has(Sense::Make)
         || scales.is_some()
         || numbers_only && (named.is_empty() || !on_named.is_empty()) && !limit_order
@@ -104,6 +93,14 @@ pub fn update(
         }
     }
     Ok(Some(sum))
+}
+
+/// Whether the words order by themselves, whatever is in force.
+fn is_own_order(draft: &Draft, named: &[&Name], on_named: &[&Rule]) -> bool {
+    draft.has_any(&[Sense::Avoid, Sense::StayOff, Sense::Careful, Sense::Quiet, Sense::Crawl, Sense::Halt])
+        || (draft.has(Sense::Away) || draft.has(Sense::From)) && !named.is_empty() && on_named.is_empty()
+        || !draft.regions.is_empty() && on_named.is_empty()
+        || draft.n_neg > 0 && !draft.has_any(&[Sense::Faster, Sense::Closer])
 }
 
 #[derive(Clone, Copy, PartialEq)]

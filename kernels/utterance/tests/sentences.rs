@@ -44,7 +44,7 @@ fn every_sentence_of_the_paper_becomes_its_rule() {
 #[test]
 fn speakers_of_many_kinds_are_understood_or_asked() {
     let cases = cases(include_str!("speakers.jsonl"));
-    assert!(cases.len() >= 400, "{} cases", cases.len());
+    assert!(cases.len() >= 700, "{} cases", cases.len());
     let mut failed = Vec::new();
     let mut n_harmful = 0;
     for case in &cases {
@@ -59,8 +59,8 @@ fn speakers_of_many_kinds_are_understood_or_asked() {
         assert!(!(is_unsafe && took), "unsafe, and taken: {words:?}");
     }
     let share = failed.len() as f64 / cases.len() as f64;
-    assert!(share <= 0.03, "{} of {}:\n{}", failed.len(), cases.len(), failed.join("\n"));
-    assert!(n_harmful * 100 <= cases.len(), "{n_harmful} harmful:\n{}", failed.join("\n"));
+    assert!(share <= 0.015, "{} of {}:\n{}", failed.len(), cases.len(), failed.join("\n"));
+    assert!(n_harmful * 200 <= cases.len(), "{n_harmful} harmful:\n{}", failed.join("\n"));
 }
 
 /// What was said and is in no rule, what could mean two things, and names that name nothing: never a guess.
@@ -81,6 +81,26 @@ fn what_is_in_doubt_is_asked_about() {
     ] {
         let reply = utterance::parse(&[], &Profile::sim(), words);
         assert_eq!(reply.outcome, Outcome::Clarify, "{words:?}: {}", reply.say);
+    }
+}
+
+/// Stories lend a pronoun its meaning and order nothing by themselves.
+#[test]
+fn what_is_told_is_no_order_and_a_pronoun_means_what_it_can() {
+    for (words, object) in [
+        ("lava will melt you so don't go near it", "lava"),
+        ("the vase on the table belonged to my grandmother, be extra careful around it", "vase"),
+        ("someone's left a ladder by the cupboard, mind it", "ladder"),
+        ("I keep tripping over you. Three paces away from that door.", "door"),
+        ("water damages the floor, stay off the wet patch", "wet patch"),
+        ("cleaning crew on floor 2, hold back 2 m from them", "cleaning crew"),
+        ("my husband works nights and is asleep, do not wake him", "husband"),
+        ("you scared the cat, slow down around her", "cat"),
+        ("grandma gave me that lamp, keep half a metre from it", "lamp"),
+    ] {
+        let reply = utterance::parse(&[], &Profile::sim(), words);
+        assert_eq!(reply.outcome, Outcome::Accept, "{words:?}: {}", reply.say);
+        assert!(reply.specs.iter().all(|rule| rule.obj == object), "{words:?}: {}", reply.say);
     }
 }
 

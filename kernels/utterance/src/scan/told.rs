@@ -306,6 +306,10 @@ impl Scanner<'_> {
         if item.is_word() || particle || told && !means {
             self.draft.predicate.push(item.text.clone());
             self.at += 1;
+            // "someone's left a ladder there": what was left is told of too.
+            if item.is(Sense::Statement) {
+                self.before = Before::Told;
+            }
             return true;
         }
         false

@@ -33,7 +33,7 @@ pub(super) fn without_counts(tokens: Vec<Token>) -> Vec<Token> {
             )
     };
     let n_tokens = tokens.len();
-    let kept: Vec<bool> = (0..n_tokens).map(|at| !counts(at) && !(at > 0 && counts(at - 1))).collect();
+    let kept: Vec<bool> = (0..n_tokens).map(|at| !(counts(at) || at > 0 && counts(at - 1))).collect();
     tokens.into_iter().zip(kept).filter_map(|(token, keep)| keep.then_some(token)).collect()
 }
 
