@@ -46,8 +46,7 @@ impl TsdfConfig {
         let check = |key, value: f64, ok: bool, limit| {
             if ok { Ok(()) } else { Err(TsdfConfigError { key, value, limit }) }
         };
-        let TsdfConfig { voxel_m, truncation_m, weight_max, weight_min, carve_step, absent_step, .. } =
-            *self;
+        let TsdfConfig { voxel_m, truncation_m, weight_max, weight_min, carve_step, absent_step, .. } = *self;
         check("voxel_m", voxel_m, (0.005..=0.5).contains(&voxel_m), "0.005 to 0.5")?;
         check(
             "truncation_m",
