@@ -56,6 +56,11 @@ impl DistanceField {
         &self.values_m
     }
 
+    /// The same, to be written: finite, within ±1000 m.
+    pub(crate) fn values_m_mut(&mut self) -> &mut [f32] {
+        &mut self.values_m
+    }
+
     /// Signed distance at a point, metres: bilinear inside, a lower bound outside. NaN in, −∞ out.
     #[must_use]
     pub fn sample(&self, point: Point2) -> f64 {

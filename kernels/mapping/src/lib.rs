@@ -32,7 +32,7 @@ pub mod segments;
 pub mod slam;
 pub mod tsdf;
 
-pub use distance::{signed_distance, squared_distance_cells};
+pub use distance::{ChangingField, signed_distance, squared_distance_cells};
 pub use field::DistanceField;
 pub use grid::{Cell, Grid, GridError, Layout, Occupancy, Shape};
 pub use image::{DepthFrame, DepthImage, ImageError, Mask};

@@ -112,7 +112,7 @@ impl Tsdf {
         let planes = Planes::new(frame, self.config.voxel_m);
         let (tiles, n_blocks_refused) = self.reserve(frame, &trusted, &planes);
         let mut done = Integrated { n_blocks_refused, ..Integrated::default() };
-        let view = update::View::new(frame, &trusted, (&planes, &tiles), &self.config);
+        let view = update::View::new(frame, &trusted, &tiles, &self.config);
         let mut emptied = Vec::new();
         for (idx, block) in self.blocks.iter_mut().enumerate() {
             let reserved = block.frame == self.frame;
@@ -234,11 +234,14 @@ impl Tsdf {
         let camera = frame.intrinsics();
         let eye = frame.map_from_camera().translation.vector / block_m;
         let turn = frame.map_from_camera().rotation.to_rotation_matrix().into_inner() / block_m;
+        // From a pixel to the ray of depth 1, in sides of a block.
+        let (right, down) = (turn.column(0) / camera.fx, turn.column(1) / camera.fy);
+        let ahead = turn.column(2) - right * camera.cx - down * camera.cy;
         let side = Tiles::side_for(camera.fx.min(camera.fy), voxel_m, limits.max_m);
         let mut n_refused = 0;
         let mut last = [[i32::MAX; 3]; 3];
         let tiles = Tiles::new(trusted, planes, side, |seen| {
-            let ray = turn * camera.unproject(seen.col as f64, seen.row as f64, 1.0).coords;
+            let ray = right * seen.col as f64 + down * seen.row as f64 + ahead;
             for (step, last) in [-1.0, 0.0, 1.0].into_iter().zip(&mut last) {
                 let reach_m = f64::from(seen.depth_m) + step * truncation_m;
                 let key: BlockKey = (eye + ray * reach_m).map(whole_below).into();

@@ -1,7 +1,7 @@
-//! The plane that a depth image shows at a pixel.
+//! The plane that a depth image shows around a pixel.
 //!
 //! By inverse depth, which is linear on a plane, over a span as wide as a voxel: over less, slopes are mostly the
-//! noise of depth. Not here: which pixels are worth asking for (`tiles`, `update`).
+//! noise of depth. Not here: which pixels are worth asking for (`tiles`).
 
 use nalgebra::Vector3;
 
@@ -9,9 +9,12 @@ use super::tiles::Tile;
 use crate::image::DepthFrame;
 
 /// Least cosine between ray and surface normal that is believed: below it a slope is mostly noise.
-pub(super) const COSINE_MIN: f32 = 0.1;
+const COSINE_MIN: f32 = 0.1;
 /// Three inverse depths in line, times depth, may bend this much and still be one plane.
 const PLANE_BEND_MAX: f32 = 0.04;
+/// One step from an edge, in inverse depth times depth, may be this large and still be of the same plane: a table top
+/// seen at a grazing angle.
+const STEP_MAX: f32 = 0.1;
 
 /// Finds planes in a depth image.
 pub(super) struct Planes<'a> {
@@ -36,21 +39,16 @@ impl<'a> Planes<'a> {
         }
     }
 
-    /// The plane at the middle of a tile.
-    pub(super) fn tile(&self, col: usize, row: usize, depth_m: f32) -> Tile {
+    /// The plane at the middle of a tile; `None` at something thin, where a slope would be a guess.
+    pub(super) fn tile(&self, col: usize, row: usize, depth_m: f32) -> Option<Tile> {
         let (u, v) = (col as i32, row as i32);
-        let [a, b] = self.slopes(u, v, depth_m);
+        let [a, b] = self.slopes(u, v, depth_m)?;
         let (normal, cosine) = self.plane_of(u, v, depth_m, [a, b]);
-        Tile::new(normal, cosine, [1.0 / depth_m, a, b], (col, row))
+        Some(Tile::new(normal, cosine, [1.0 / depth_m, a, b], (col, row)))
     }
 
-    /// The plane at a pixel: its unit normal, away from the camera, and how far it is for each metre along the
-    /// optical axis.
-    pub(super) fn plane(&self, u: i32, v: i32, depth_m: f32) -> (Vector3<f32>, f32) {
-        self.plane_of(u, v, depth_m, self.slopes(u, v, depth_m))
-    }
-
-    /// By inverse depth, which is linear on a plane: with 1/z = a·u + b·v + c the plane is n·P = 1 with
+    /// The plane through a pixel: its unit normal, away from the camera, and how far it is for each metre along the
+    /// optical axis. With 1/z = a·u + b·v + c the plane is n·P = 1 with
     /// n = (a·fx, b·fy, a·cx + b·cy + c), and a point P = ray·z is (1 − z/depth) / |n| in front of it.
     fn plane_of(&self, u: i32, v: i32, depth_m: f32, [a, b]: [f32; 2]) -> (Vector3<f32>, f32) {
         let inverse = 1.0 / depth_m;
@@ -61,7 +59,7 @@ impl<'a> Planes<'a> {
     }
 
     /// Slopes of inverse depth by column and row.
-    fn slopes(&self, u: i32, v: i32, depth_m: f32) -> [f32; 2] {
+    fn slopes(&self, u: i32, v: i32, depth_m: f32) -> Option<[f32; 2]> {
         // As wide as a voxel: over less, slopes are mostly the noise of depth.
         let off = ((self.focal[0] * self.voxel_m / depth_m) as i32).clamp(2, 10);
         let inverse = 1.0 / depth_m;
@@ -72,31 +70,24 @@ impl<'a> Planes<'a> {
             let mm = self.depth_mm[(v * self.width + u) as usize];
             if mm == 0 { f32::NAN } else { 1000.0 / f32::from(mm) }
         };
-        let a = slope(at(u - off, v), inverse, at(u + off, v)) / off as f32;
-        let b = slope(at(u, v - off), inverse, at(u, v + off)) / off as f32;
-        [a, b]
+        let a = slope(at(u - off, v), inverse, at(u + off, v))? / off as f32;
+        let b = slope(at(u, v - off), inverse, at(u, v + off))? / off as f32;
+        Some([a, b])
     }
 }
 
 /// Slope of inverse depth at the middle of three pixels in line, per distance between them. Next to an edge
-/// the side with the smaller step is on the same surface. NaN is a pixel without depth; with none on either
-/// side the surface is taken to face the camera.
-fn slope(before: f32, here: f32, after: f32) -> f32 {
+/// the side with the smaller step is on the same surface, if that step is small: neither side of a leg is. NaN is a
+/// pixel without depth; with none on either side the surface is taken to face the camera.
+fn slope(before: f32, here: f32, after: f32) -> Option<f32> {
     let (from, to) = (here - before, after - here);
-    if from.is_nan() || to.is_nan() {
-        return if !from.is_nan() {
-            from
-        } else if !to.is_nan() {
-            to
-        } else {
-            0.0
-        };
-    }
-    if (to - from).abs() <= PLANE_BEND_MAX * here {
-        (from + to) / 2.0
-    } else if from.abs() < to.abs() {
-        from
-    } else {
-        to
-    }
+    let nearer = match (from.is_nan(), to.is_nan()) {
+        (true, true) => return Some(0.0),
+        (true, false) => to,
+        (false, true) => from,
+        (false, false) if (to - from).abs() <= PLANE_BEND_MAX * here => return Some((from + to) / 2.0),
+        (false, false) if from.abs() < to.abs() => from,
+        (false, false) => to,
+    };
+    (nearer.abs() <= STEP_MAX * here).then_some(nearer)
 }

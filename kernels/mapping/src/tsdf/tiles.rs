@@ -1,12 +1,11 @@
 //! A depth image in small squares, each with the plane that it shows.
 //!
 //! A voxel asks for the plane at its pixel; most of the image is flat over some pixels, and a plane found once
-//! serves all voxels that look there. Where a pixel does not lie on its tile's plane, the voxel finds its own.
+//! serves all voxels that look there. Where a pixel does not lie on its tile's plane, there is none.
 
 use nalgebra::Vector3;
 
 use super::planes::Planes;
-use super::update::EDGE_BAND;
 use crate::projection::TrustedDepth;
 
 /// Side of a tile, pixels: at least and at most.
@@ -14,9 +13,13 @@ const SIDE_MIN: usize = 2;
 const SIDE_MAX: usize = 8;
 /// A tile covers at most this many voxels at the far end of what is trusted.
 const SIDE_VOXELS: f64 = 2.0;
-/// A pixel lies on its tile's plane when its depth is within this share of the plane's.
+/// A pixel lies on its tile's plane when its depth is within this share of the plane's, …
 const ON_PLANE: f32 = 0.015;
+/// … or within this for each metre of depth: a structured-light camera's steps are 0.3 % of depth a metre.
+const ON_PLANE_PER_M: f32 = 0.005;
 
+/// Where a tile is not flat, a surface is near only within this many truncations along the ray.
+pub(super) const EDGE_BAND: f32 = 4.0;
 /// So many pixels beside a tile must lie on its plane too: mask and depth are off by that much at edges.
 const BESIDE: usize = 2;
 
@@ -30,10 +33,14 @@ pub(super) struct Tile {
     pub(super) cosine: f32,
     /// Inverse depth at the middle, and its slopes by column and row.
     inverse: [f32; 3],
+    /// How far off the plane a pixel on it may be, as a share of depth.
+    slack: f32,
     /// Middle pixel.
     middle: [f32; 2],
     /// It is flat, and its depth to be trusted.
     pub(super) is_sure: bool,
+    /// It and its neighbours are wholly in the mask: no border is near.
+    pub(super) is_inside: bool,
 }
 
 /// The tiles of the part of an image that holds a mask.
@@ -86,8 +93,8 @@ impl Tiles {
                 let row = (low[1] + side / 2).clamp(rows.start, rows.end - 1);
                 let mut tile = Tile::UNKNOWN;
                 if let Some(depth_m) = trusted.at_in_mask(col, row) {
-                    tile = planes.tile(col, row, depth_m);
-                    tile.is_sure = is_flat(trusted, &tile, low, side);
+                    tile = planes.tile(col, row, depth_m).unwrap_or(Tile::UNKNOWN);
+                    tile.is_sure = !tile.is_unknown() && is_flat(trusted, &tile, low, side);
                     seen(&Seen { col, row, depth_m });
                 } else if side >= 4 {
                     // Something thin may pass beside the middle.
@@ -99,17 +106,21 @@ impl Tiles {
                             && let Some(depth_m) = trusted.at_in_mask(col, row)
                         {
                             if tile.is_unknown() {
-                                tile = Tile { is_sure: false, ..planes.tile(col, row, depth_m) };
+                                tile = planes.tile(col, row, depth_m).unwrap_or(Tile::UNKNOWN);
+                                tile.is_sure = false;
                             }
                             seen(&Seen { col, row, depth_m });
                         }
                     }
                 }
-                cosines.push(if tile.is_sure { tile.cosine } else { 1.0 / EDGE_BAND });
+                let (cols, rows) = (low[0]..low[0] + side, low[1]..low[1] + side);
+                tile.is_inside = trusted.is_wholly_masked(cols, rows);
+                cosines.push(if tile.is_sure { tile.cosine } else { tile.cosine.max(1.0 / EDGE_BAND) });
                 tiles.push(tile);
             }
         }
         cosines.push(f32::NAN);
+        leave_border(&mut tiles, n_cols);
         Tiles { shift, first, n_cols, n_rows, tiles, cosines }
     }
 
@@ -136,6 +147,19 @@ impl Tiles {
     }
 }
 
+/// Leaves as inside only the tiles all of whose eight neighbours are inside, too.
+fn leave_border(tiles: &mut [Tile], n_cols: usize) {
+    let is_whole: Vec<bool> = tiles.iter().map(|tile| tile.is_inside).collect();
+    let whole = |row: usize, col: usize| is_whole.get(row * n_cols + col) == Some(&true);
+    for (idx, tile) in tiles.iter_mut().enumerate().filter(|(_, tile)| tile.is_inside) {
+        let (row, col) = (idx / n_cols, idx % n_cols);
+        tile.is_inside = row > 0
+            && col > 0
+            && col + 1 < n_cols
+            && (row - 1..=row + 1).all(|row| (col - 1..=col + 1).all(|col| whole(row, col)));
+    }
+}
+
 /// Whether a tile's corners and what lies just beside it are in the mask and on its plane: no edge is near.
 fn is_flat(trusted: &TrustedDepth<'_>, tile: &Tile, low: [usize; 2], side: usize) -> bool {
     let (cols, rows) = trusted.bounds();
@@ -156,8 +180,10 @@ impl Tile {
         normal: Vector3::new(0.0, 0.0, -1.0),
         cosine: 1.0,
         inverse: [0.0; 3],
+        slack: 0.0,
         middle: [0.0; 2],
         is_sure: false,
+        is_inside: false,
     };
 
     pub(super) fn new(
@@ -166,7 +192,16 @@ impl Tile {
         inverse: [f32; 3],
         (col, row): (usize, usize),
     ) -> Self {
-        Tile { normal, cosine, inverse, middle: [col as f32, row as f32], is_sure: true }
+        let slack = ON_PLANE.max(ON_PLANE_PER_M / inverse[0]);
+        Tile {
+            normal,
+            cosine,
+            inverse,
+            slack,
+            middle: [col as f32, row as f32],
+            is_sure: true,
+            is_inside: false,
+        }
     }
 
     /// Whether it has no plane; then nothing lies on it.
@@ -179,6 +214,6 @@ impl Tile {
     pub(super) fn holds(&self, u: i32, v: i32, depth_m: f32) -> bool {
         let [here, by_col, by_row] = self.inverse;
         let inverse = here + by_col * (u as f32 - self.middle[0]) + by_row * (v as f32 - self.middle[1]);
-        (depth_m * inverse - 1.0).abs() <= ON_PLANE
+        (depth_m * inverse - 1.0).abs() <= self.slack
     }
 }

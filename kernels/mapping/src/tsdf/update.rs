@@ -6,16 +6,13 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::planes::Planes;
 use super::slab::{N_SLAB, NEAR_M, ROUNDING, Slab};
-use super::tiles::{Tile, Tiles};
+use super::tiles::{EDGE_BAND, Tile, Tiles};
 use super::{BLOCK_SIDE, Block, Integrated, TsdfConfig};
 use crate::image::DepthFrame;
 use crate::isa::{Isa, Work};
 use crate::projection::TrustedDepth;
 
-/// A voxel looks closely at a pixel on no tile's plane within this many truncations.
-pub(super) const EDGE_BAND: f32 = 2.0;
 /// Above this cosine the foot of a voxel on its plane is less than a voxel beside it.
 const COSINE_FACING: f32 = 0.9;
 
@@ -24,7 +21,6 @@ pub(super) struct View<'a> {
     isa: Isa,
     pub(super) depth_mm: &'a [u16],
     trusted: &'a TrustedDepth<'a>,
-    planes: &'a Planes<'a>,
     pub(super) tiles: &'a Tiles,
     pub(super) width: i32,
     pub(super) height: i32,
@@ -77,7 +73,7 @@ impl<'a> View<'a> {
     pub(super) fn new(
         frame: &DepthFrame<'a>,
         trusted: &'a TrustedDepth<'a>,
-        (planes, tiles): (&'a Planes<'a>, &'a Tiles),
+        tiles: &'a Tiles,
         config: &TsdfConfig,
     ) -> Self {
         let camera = frame.intrinsics();
@@ -88,7 +84,6 @@ impl<'a> View<'a> {
             isa: Isa::detect(),
             depth_mm: frame.depth().depth_mm(),
             trusted,
-            planes,
             tiles,
             width: camera.width as i32,
             height: camera.height as i32,
@@ -201,30 +196,35 @@ impl<'a> View<'a> {
         tile: Option<&Tile>,
         ahead_m: f32,
     ) -> Option<Evidence> {
-        let depth_m = ahead_m + at.z;
-        let is_trusted = || self.trusted.at(u as usize, v as usize).is_some();
-        let tile = tile.filter(|tile| tile.holds(u, v, depth_m));
-        let is_sure = tile.is_some_and(|tile| tile.is_sure);
+        let is_inside = tile.is_some_and(|tile| tile.is_inside);
+        let is_trusted = || {
+            let (col, row) = (u as usize, v as usize);
+            if is_inside {
+                self.trusted.is_trusted_inside(col, row)
+            } else {
+                self.trusted.at(col, row).is_some()
+            }
+        };
+        let tile = tile.filter(|tile| tile.holds(u, v, ahead_m + at.z));
+        // Off its tile's plane, at an edge or in noise, a slope would be a guess: the surface is taken to face the
+        // camera.
+        let (cosine, is_sure) = tile.map_or((1.0, false), |tile| (tile.cosine, tile.is_sure));
         if !is_sure && ahead_m.abs() > EDGE_BAND * self.truncation_m {
-            // At an edge slopes are guesses: only what is close is looked at closely.
             return (ahead_m < 0.0).then_some(Evidence::None);
         }
-        // What is this close is never far behind, whatever the slope: trust, which is cheaper, is asked first.
-        let is_close = ahead_m <= self.truncation_m;
-        if !is_sure && is_close && !is_trusted() {
-            return Some(Evidence::None);
-        }
-        let (normal, cosine) =
-            tile.map_or_else(|| self.planes.plane(u, v, depth_m), |tile| (tile.normal, tile.cosine));
         let sdf_m = ahead_m * cosine;
         if sdf_m > self.truncation_m {
             return None;
         }
-        if sdf_m < -self.truncation_m || (!is_sure && !is_close && !is_trusted()) {
+        if sdf_m < -self.truncation_m || (!is_sure && !is_trusted()) {
             return Some(Evidence::None);
         }
-        let is_facing = ahead_m.abs() <= self.voxel_m || (is_sure && cosine >= COSINE_FACING);
-        let is_over = is_facing || self.is_over_object(at + normal * sdf_m);
+        let is_over = match tile {
+            Some(tile) if ahead_m.abs() > self.voxel_m && !(is_sure && cosine >= COSINE_FACING) => {
+                self.is_over_object(at + tile.normal * sdf_m)
+            }
+            _ => true,
+        };
         Some(if is_over { Evidence::Surface(sdf_m) } else { Evidence::None })
     }
 
