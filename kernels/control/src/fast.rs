@@ -5,6 +5,7 @@
 //! The few that can are computed again exactly in f64, so that neither rounding nor packing ever decides. Deliberately not here: what a rollout must keep (`standard`, `score`).
 
 pub(crate) mod isa;
+mod lanes;
 pub(crate) mod merge;
 pub(crate) mod normal;
 pub(crate) mod packed;

@@ -180,8 +180,16 @@ impl<'w> Scene<'w> {
     ) -> Scene<'w> {
         let (spatial, limits) = (Vec::new(), Vec::new());
         let by_bit = [0; 64];
-        let mut scene =
-            Scene { assumptions, start, spatial, limits, segment_guard_m: 0.0, window: None, is_merged: false, by_bit };
+        let mut scene = Scene {
+            assumptions,
+            start,
+            spatial,
+            limits,
+            segment_guard_m: 0.0,
+            window: None,
+            is_merged: false,
+            by_bit,
+        };
         scene.segment_guard_m = scene.longest_segment_guard_m();
         let radius_m = assumptions.radius_m;
         for (idx, layer) in world.base.iter().enumerate() {
@@ -397,7 +405,8 @@ impl<'w> Scene<'w> {
             let binding = self.spatial.iter().enumerate().filter(|(_, layer)| !layer.soft);
             binding.for_each(|(idx, layer)| note(idx, layer));
         } else {
-            let apart = self.spatial.iter().enumerate().filter(|(_, layer)| !layer.soft && layer.bit.is_none());
+            let apart =
+                self.spatial.iter().enumerate().filter(|(_, layer)| !layer.soft && layer.bit.is_none());
             apart.for_each(|(idx, layer)| note(idx, layer));
         }
         while mask != 0 {
@@ -407,7 +416,10 @@ impl<'w> Scene<'w> {
             }
             mask &= mask - 1;
         }
-        (nearest_m, self.spatial.get(nearest_idx).filter(|_| nearest_m < f64::INFINITY).map(|layer| layer.source))
+        (
+            nearest_m,
+            self.spatial.get(nearest_idx).filter(|_| nearest_m < f64::INFINITY).map(|layer| layer.source),
+        )
     }
 
     /// The merged layers, for a sweep; `None` when each has to be asked.

@@ -95,10 +95,7 @@ impl Sweeper {
             held,
             draws: noise.round(round),
             n_lanes: noise.n_lanes(),
-            scale: [
-                (search.sigma.yaw_rate_rad_s * step_s) as f32,
-                (search.sigma.accel_m_s2 * step_s) as f32,
-            ],
+            scale: [(search.sigma.yaw_rate_rad_s * step_s) as f32, (search.sigma.accel_m_s2 * step_s) as f32],
             limit: [(limits.yaw_rate_rad_s_max * step_s) as f32, gain_max as f32],
             n_tail,
         };
@@ -202,7 +199,8 @@ impl Model for Arcs {
         let c0 = fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 120.0, -1.0 / 6.0), 1.0);
         let s0 = turn_rad * fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 720.0, -1.0 / 24.0), 0.5);
         let c1 = fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 144.0, -1.0 / 8.0), 0.5);
-        let s1 = turn_rad * fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 840.0, -1.0 / 30.0), 1.0 / 3.0);
+        let s1 =
+            turn_rad * fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 840.0, -1.0 / 30.0), 1.0 / 3.0);
         let cells = self.step_s * self.cells_per_m;
         let length_m = (speed_m_s + end_m_s) * (0.5 * self.step_s);
         let half_m = 0.5 * length_m;

@@ -364,7 +364,8 @@ impl Work for Build<'_> {
 #[inline(always)]
 fn corners(layer: &Held, col: i64, row: i64) -> Option<Corners> {
     let shape = layer.field.layout().shape;
-    let (col, row) = (usize::try_from(col - layer.first[0]).ok()?, usize::try_from(row - layer.first[1]).ok()?);
+    let (col, row) =
+        (usize::try_from(col - layer.first[0]).ok()?, usize::try_from(row - layer.first[1]).ok()?);
     if col + N >= shape.n_cols || row + 1 >= shape.n_rows {
         return None;
     }
@@ -425,3 +426,6 @@ fn note_steepest([a, b, c, d]: &Corners, steepest: &mut [f32; 3]) {
         steepest[2] = larger(steepest[2], (d[k] - a[k]).abs());
     }
 }
+
+#[cfg(test)]
+mod tests;
