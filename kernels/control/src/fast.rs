@@ -4,6 +4,7 @@
 //! They are plain Rust. What they compute are *bounds*: which rollouts can be the best, and which cannot.
 //! The few that can are computed again exactly in f64, so that neither rounding nor packing ever decides. Deliberately not here: what a rollout must keep (`standard`, `score`).
 
+mod lanes;
 pub(crate) mod merge;
 pub(crate) mod normal;
 pub(crate) mod packed;

@@ -426,3 +426,6 @@ fn note_steepest([a, b, c, d]: &Corners, steepest: &mut [f32; 3]) {
         steepest[2] = larger(steepest[2], (d[k] - a[k]).abs());
     }
 }
+
+#[cfg(test)]
+mod tests;
