@@ -2,7 +2,8 @@
 //!
 //! Each scan is matched against the map's occupied cells, starting from where odometry says it should lie.
 //! Things that stand where the map is free count against a match; several scans that do not fit, and the robot
-//! is lost: it is then looked for all over the map, a part with each scan.
+//! is lost: it is then looked for all over the map, a part with each scan, and found when one place stands out
+//! among all.
 
 use geometry::Pose2;
 use nalgebra::Vector2;
@@ -10,14 +11,12 @@ use nalgebra::Vector2;
 use crate::base_map::{BaseMapError, Scan};
 use crate::grid::{Cell, Grid, Occupancy};
 use crate::scan_match::{self, Candidate, Cloud, CloudPoint, FreeGrid, MatchMap, Prior, Window};
-use crate::slam::{Judge, MotionConfig, MotionModel, Standing, agrees, follow, is_motion};
+use crate::slam::{Judge, MotionConfig, MotionModel, Standing, Sweep, agrees_surely, follow, is_motion};
 
-/// Share of a scan that must lie on the map for a lost robot to be there.
-const SHARE_FOUND: f64 = 0.75;
-/// So many places are compared, and the best must be better than the next by this much: places that look
-/// alike are none.
-const N_PLACES: usize = 3;
-const MARGIN: f64 = 0.1;
+/// So many places of each square are compared.
+const N_PLACES: usize = 12;
+/// When all squares have been looked at, the robot has moved on: so far the place may be off.
+const NEAR: Window = Window { shift_m: 0.5, turn_rad: 0.3 };
 /// With fewer points no place is told from another.
 const N_POINTS_MIN: usize = 40;
 /// A lost robot is looked for in squares of this half side, metres, one with each scan.
@@ -51,7 +50,7 @@ pub struct Localiser {
     judge: Judge,
     map_from_base: Pose2,
     is_first: bool,
-    n_squares_looked: usize,
+    sweep: Sweep,
 }
 
 impl Localiser {
@@ -76,7 +75,7 @@ impl Localiser {
             judge: Judge::default(),
             map_from_base,
             is_first: true,
-            n_squares_looked: 0,
+            sweep: Sweep::default(),
         }
     }
 
@@ -96,8 +95,9 @@ impl Localiser {
         let cloud = Cloud::of_scan(scan, self.base_from_lidar, self.range_used_m);
         let last = self.map_from_base;
         if self.judge.standing() == Standing::Lost {
-            self.map_from_base = last * last_from_now.unwrap_or_default();
-            let has_jumped = self.look_everywhere(&cloud);
+            let last_from_now = last_from_now.unwrap_or_default();
+            self.map_from_base = last * last_from_now;
+            let has_jumped = self.look_everywhere(&cloud, last_from_now);
             return Ok(self.found(has_jumped));
         }
         let foreseen = self.motion.foresee(last_from_now).after_misses(self.judge.n_bad());
@@ -122,25 +122,34 @@ impl Localiser {
         Found { map_from_base: self.map_from_base, standing: self.judge.standing(), has_jumped }
     }
 
-    /// Looks into one square of the map at any heading; true when the robot is found far from where it was
-    /// thought to be.
-    fn look_everywhere(&mut self, cloud: &Cloud) -> bool {
+    /// Looks into one square of the map at any heading; true when all have been looked at, one place stands out,
+    /// and it is far from where the robot was thought to be.
+    fn look_everywhere(&mut self, cloud: &Cloud, last_from_now: Pose2) -> bool {
+        self.sweep.carry(last_from_now);
         if cloud.points().len() < N_POINTS_MIN {
             return false;
         }
         let (low, high) = (self.occupancy.layout().origin, self.occupancy.layout().far_corner());
         let n_side = ((high - low) / (2.0 * SQUARE_M)).map(|n| n.ceil().max(1.0) as usize);
-        let nth = self.n_squares_looked % (n_side.x * n_side.y);
-        self.n_squares_looked += 1;
+        let n_parts = n_side.x * n_side.y;
+        if let Some(place) = self.sweep.decide(n_parts) {
+            return self.settle_at(place.map_from_base, cloud);
+        }
+        let nth = self.sweep.next_part(n_parts);
         let at = |axis_low: f64, idx: usize| axis_low + (2 * idx + 1) as f64 * SQUARE_M;
         let middle = Pose2::new(at(low.x, nth % n_side.x), at(low.y, nth / n_side.x), 0.0);
-        let prior = Prior { map_from_scan: middle, shift_m: 100.0, turn_rad: 10.0 };
+        let anywhere = Prior { map_from_scan: middle, shift_m: 100.0, turn_rad: 10.0 };
         let window = Window { shift_m: SQUARE_M, turn_rad: std::f64::consts::PI };
-        let places = scan_match::candidates(&self.map, cloud, &prior, window, N_PLACES);
-        let other = places.get(1).map_or(f64::NEG_INFINITY, |other| other.score);
-        let is_sure = |c: &&Candidate| {
-            c.found.inlier_share >= SHARE_FOUND && c.score >= other + MARGIN && agrees(&c.evidence, false)
-        };
+        let places = scan_match::candidates(&self.map, cloud, &anywhere, window, N_PLACES);
+        self.sweep.look(nth, Pose2::IDENTITY, &places);
+        false
+    }
+
+    /// Goes on at a place, if the scan fits there.
+    fn settle_at(&mut self, map_from_base: Pose2, cloud: &Cloud) -> bool {
+        let expected = Prior { map_from_scan: map_from_base, shift_m: NEAR.shift_m, turn_rad: NEAR.turn_rad };
+        let places = scan_match::candidates(&self.map, cloud, &expected, NEAR, 1);
+        let is_sure = |c: &&Candidate| agrees_surely(&c.evidence);
         let Some(found) = places.first().filter(is_sure).map(|c| c.found) else { return false };
         let off_m = (found.map_from_scan.position() - self.map_from_base.position()).norm();
         self.map_from_base = found.map_from_scan;

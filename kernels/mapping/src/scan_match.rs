@@ -26,8 +26,10 @@ pub use free::FreeGrid;
 pub use map::MatchMap;
 pub use refine::Prior;
 
-/// So many places are found before any is looked at closely: heat alone knows nothing of free space.
-const N_PLACES_MAX: usize = 14;
+/// So many places are found, and so many for each that is wanted, before any is looked at closely: heat alone
+/// knows nothing of free space.
+const N_PLACES_MIN: usize = 14;
+const N_PLACES_EACH: usize = 3;
 
 /// How far around a guess is looked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,10 +83,11 @@ pub fn candidates(
     window: Window,
     n_max: usize,
 ) -> Vec<Candidate> {
-    let mut places: Vec<(f64, Pose2)> = correlate::search(map, cloud, guess, window, N_PLACES_MAX.max(n_max))
-        .iter()
-        .map(|place| (rough_score(map, cloud, guess, &place.map_from_scan), place.map_from_scan))
-        .collect();
+    let mut places: Vec<(f64, Pose2)> =
+        correlate::search(map, cloud, guess, window, N_PLACES_MIN.max(N_PLACES_EACH * n_max))
+            .iter()
+            .map(|place| (rough_score(map, cloud, guess, &place.map_from_scan), place.map_from_scan))
+            .collect();
     places.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut candidates: Vec<Candidate> = places
         .iter()

@@ -28,13 +28,15 @@ mod motion;
 mod relocation;
 mod seams;
 mod submap;
+mod sweep;
 
 pub use agreement::Standing;
 pub use config::SlamConfig;
 pub use motion::{MotionConfig, MotionModel};
 
-pub(crate) use agreement::{Judge, agrees};
+pub(crate) use agreement::{Judge, agrees_surely};
 pub(crate) use following::{Followed, follow};
+pub(crate) use sweep::Sweep;
 
 use drawing::Drawing;
 use graph::Graph;
@@ -92,6 +94,7 @@ pub struct Slam {
     seams: Vec<Seam>,
     /// How far the pose may be off since the last scan that fitted.
     unsure: Unsure,
+    sweep: Sweep,
     n_scans: u64,
 }
 
@@ -141,6 +144,7 @@ impl Slam {
             drawing: Drawing::new(config.base_from_lidar, mapper, start),
             seams: Vec::new(),
             unsure: Unsure::default(),
+            sweep: Sweep::default(),
             config,
             n_scans: 0,
         })

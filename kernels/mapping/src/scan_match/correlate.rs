@@ -21,9 +21,9 @@ const N_POINTS_MAX: usize = 64;
 const N_DENSE_SIDE_MAX: i32 = 32;
 /// Blocks that promise less than this share of what the best one promises are not looked into.
 const PROMISE_SHARE_MIN: f32 = 0.55;
-/// Blocks that are looked into at most: half a millisecond. After that the most promising ones are followed
-/// straight down.
-const N_NODES_MAX: usize = 2000;
+/// Blocks that are looked into at most for each place that is wanted. After that the most promising ones are
+/// followed straight down.
+const N_NODES_EACH: usize = 150;
 /// Headings are tried in steps of at least this, radians: half a degree.
 const TURN_STEP_MIN_RAD: f64 = 0.0087;
 /// And at most this.
@@ -105,7 +105,7 @@ pub fn search(map: &MatchMap, cloud: &Cloud, prior: &Prior, window: Window, n_ma
             continue;
         }
         n_looked_into += 1;
-        if n_looked_into < N_NODES_MAX {
+        if n_looked_into < N_NODES_EACH * n_max {
             queue.extend(search.parts(&best));
         } else {
             let place = search.straight_down(best);
@@ -175,7 +175,7 @@ impl<'a> Search<'a> {
         let n_side = ((2 * self.reach) >> self.top) as usize + 1;
         let mut sums = vec![0_u16; n_side * n_side];
         let mut nodes: Vec<Node> = Vec::new();
-        let mut highest = 0.0_f32;
+        let (mut highest, mut least) = (0.0_f32, 0_u16);
         for (heading, cells) in self.cells.iter().enumerate() {
             sums.fill(0);
             if let Some(bounds) = self.map.bounds(self.top) {
@@ -183,12 +183,15 @@ impl<'a> Search<'a> {
             }
             for (idx, &sum) in sums.iter().enumerate() {
                 // Most are nowhere near: no loss needs to be known for that.
-                if f32::from(sum) * self.scale < PROMISE_SHARE_MIN * highest {
+                if sum < least {
                     continue;
                 }
                 let off = [idx % n_side, idx / n_side].map(|n| ((n as i32) << self.top) - self.reach);
                 let node = self.node_of(self.top, heading as u16, off, u32::from(sum));
-                highest = highest.max(node.bound);
+                if node.bound > highest {
+                    highest = node.bound;
+                    least = (PROMISE_SHARE_MIN * highest / self.scale) as u16;
+                }
                 if node.bound >= PROMISE_SHARE_MIN * highest {
                     nodes.push(node);
                 }

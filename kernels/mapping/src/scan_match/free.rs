@@ -6,6 +6,8 @@
 use geometry::Point2 as Point2D;
 use nalgebra::Point2;
 
+use super::placement::floor;
+
 /// Side of a square, metres.
 const SIDE_M: f32 = 0.1;
 /// The grid grows by this many squares at a time: one word.
@@ -14,8 +16,8 @@ const CHUNK: i32 = 64;
 const SHORT_OF_END_M: f32 = 0.2;
 /// Beams are followed this far, metres.
 const LENGTH_MAX_M: f32 = 20.0;
-/// Most squares along a side: 400 m.
-const N_SIDE_MAX: i32 = 4096;
+/// Most squares along a side: 800 m.
+const N_SIDE_MAX: i32 = 8192;
 
 /// The squares that are known to be free.
 #[derive(Clone, Debug, Default)]
@@ -105,5 +107,5 @@ impl FreeGrid {
 
 #[inline]
 fn square_of(at: Point2<f32>) -> [i32; 2] {
-    [(at.x / SIDE_M).floor() as i32, (at.y / SIDE_M).floor() as i32]
+    [floor(at.x * (1.0 / SIDE_M)), floor(at.y * (1.0 / SIDE_M))]
 }

@@ -11,9 +11,9 @@ use nalgebra::{Point2, Vector2};
 
 use super::cloud::{Cloud, CloudPoint};
 use super::free::FreeGrid;
-use super::placement::Placement;
+use super::placement::{Placement, floor, unit};
 use super::pyramid::{Bounds, Level, Move, bounds_of};
-use super::tiles::{Spot, Tiles};
+use super::tiles::{REACH, Spot, Tiles, falloff};
 
 /// Levels above the cells themselves; the highest has blocks of 16 cells.
 pub const N_LEVELS: usize = 4;
@@ -23,11 +23,7 @@ const CHUNK: i32 = 64;
 const SLACK: i32 = 128;
 /// Most cells along a side: beyond, points are left out. 400 m at 5 cm.
 const N_SIDE_MAX: usize = 8192;
-/// Heat reaches this many cells.
-const REACH: i32 = 3;
 const N_STAMP: usize = 2 * REACH as usize + 1;
-/// Standard deviation of the heat, cells.
-const SIGMA_CELLS: f32 = 1.4;
 /// Most pieces of surface: their numbers have 16 bits.
 const N_SURFELS_MAX: usize = 65_000;
 /// A piece of surface is the mean of at most this many points: it may still move.
@@ -75,12 +71,6 @@ impl MatchMap {
     /// An empty map with cells of `cell_m` metres (taken as 0.02 to 0.5).
     #[must_use]
     pub fn new(cell_m: f64) -> Self {
-        let n_entries = 4 * 2 * ((REACH + 1) * (REACH + 1)) as usize;
-        let falloff = (0..n_entries).map(|quarters| {
-            let squared = quarters as f32 / 4.0;
-            let heat = 255.0 * (-squared / (2.0 * SIGMA_CELLS * SIGMA_CELLS)).exp();
-            heat.round() as u8
-        });
         MatchMap {
             cell_m: cell_m.clamp(0.02, 0.5) as f32,
             origin: [0, 0],
@@ -89,7 +79,7 @@ impl MatchMap {
             levels: std::array::from_fn(|_| Level::default()),
             surfels: Vec::new(),
             free: FreeGrid::default(),
-            falloff: falloff.collect(),
+            falloff: falloff(),
         }
     }
 
@@ -220,7 +210,8 @@ impl MatchMap {
     /// The cell that holds a point.
     #[inline]
     pub(super) fn cell_at(&self, at: Point2<f32>) -> [i32; 2] {
-        [(at.x / self.cell_m).floor() as i32, (at.y / self.cell_m).floor() as i32]
+        let inverse = 1.0 / self.cell_m;
+        [floor(at.x * inverse), floor(at.y * inverse)]
     }
 
     /// What is known at a cell.
@@ -305,10 +296,4 @@ impl MatchMap {
             level.bounds = bounds_of(&level.blocks, (n_side[0] >> (idx + 1)) as usize);
         }
     }
-}
-
-/// A sum of unit normals made unit again; zero stays zero.
-fn unit(normal: Vector2<f32>) -> Vector2<f32> {
-    let norm = normal.norm();
-    if norm > 1e-3 { normal / norm } else { Vector2::zeros() }
 }

@@ -27,3 +27,16 @@ impl Placement {
         Vector2::new(self.cos * v.x - self.sin * v.y, self.sin * v.x + self.cos * v.y)
     }
 }
+
+/// The largest whole number that is no larger. Where processors have no instruction for it, `floor` is a call.
+#[inline]
+pub(super) fn floor(value: f32) -> i32 {
+    let truncated = value as i32;
+    truncated.saturating_sub(i32::from(value < truncated as f32))
+}
+
+/// A sum of unit normals made unit again; zero stays zero.
+pub(super) fn unit(normal: Vector2<f32>) -> Vector2<f32> {
+    let norm = normal.norm();
+    if norm > 1e-3 { normal / norm } else { Vector2::zeros() }
+}

@@ -6,6 +6,10 @@ use super::pyramid::Move;
 /// Cells along the side of a tile, as a power of two.
 const SIDE_LOG2: usize = 4;
 const N_SIDE: usize = 1 << SIDE_LOG2;
+/// Heat reaches this many cells.
+pub(super) const REACH: i32 = 3;
+/// Standard deviation of the heat, cells.
+const SIGMA_CELLS: f32 = 1.4;
 const NO_TILE: u32 = u32::MAX;
 /// No piece of surface is near.
 pub(super) const NO_SURFEL: u16 = u16::MAX;
@@ -83,4 +87,14 @@ impl Tiles {
         let place = (row >> SIDE_LOG2).wrapping_mul(self.n_cols).wrapping_add(col >> SIDE_LOG2);
         self.tiles.get(*self.table.get(place)? as usize)
     }
+}
+
+/// Heat by squared distance, in quarters of a cell squared.
+pub(super) fn falloff() -> Vec<u8> {
+    let n_entries = 4 * 2 * (REACH + 1) * (REACH + 1);
+    let heat = |quarters: i32| {
+        let squared = quarters as f32 / 4.0;
+        (255.0 * (-squared / (2.0 * SIGMA_CELLS * SIGMA_CELLS)).exp()).round() as u8
+    };
+    (0..n_entries).map(heat).collect()
 }

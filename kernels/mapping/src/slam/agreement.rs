@@ -12,6 +12,11 @@ const SHARE_OF_ALL_MIN: f64 = 0.15;
 const THROUGH_MAX: f64 = 0.6;
 /// The same where the robot was not expected.
 const THROUGH_UNEXPECTED_MAX: f64 = 0.4;
+/// What is asked where a lost robot may be: shares as above, and points.
+const SHARE_SURE_MIN: f64 = 0.88;
+const THROUGH_SURE_MAX: f64 = 0.2;
+const SHARE_OF_ALL_SURE_MIN: f64 = 0.75;
+const N_SURE_MIN: usize = 30;
 /// With fewer points nothing can be told.
 const N_MIN: usize = 12;
 /// So many scans in a row that do not fit, and the robot is lost.
@@ -38,6 +43,16 @@ pub(crate) fn agrees(evidence: &Evidence, is_expected: bool) -> bool {
         && evidence.share() >= share_min
         && evidence.through_share() <= through_max
         && evidence.n_on_surface as f64 >= SHARE_OF_ALL_MIN * evidence.n_points as f64
+}
+
+/// Whether the two agree so well that a lost robot may be there: places that look like themselves are many in
+/// a whole building.
+#[must_use]
+pub(crate) fn agrees_surely(evidence: &Evidence) -> bool {
+    evidence.n_on_surface >= N_SURE_MIN
+        && evidence.share() >= SHARE_SURE_MIN
+        && evidence.through_share() <= THROUGH_SURE_MAX
+        && evidence.n_on_surface as f64 >= SHARE_OF_ALL_SURE_MIN * evidence.n_points as f64
 }
 
 /// Keeps count of scans that do not fit.

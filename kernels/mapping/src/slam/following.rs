@@ -7,7 +7,7 @@
 use geometry::Pose2;
 use nalgebra::Matrix3;
 
-use super::agreement::agrees;
+use super::agreement::{agrees, agrees_surely};
 use super::motion::Foreseen;
 use crate::scan_match::{self, Candidate, Cloud, Evidence, MatchMap, Prior, Window, refine};
 
@@ -16,6 +16,8 @@ const DIRECT_SHIFT_M: f64 = 0.2;
 const DIRECT_TURN_RAD: f64 = 0.15;
 /// Share of the scan that must lie on surfaces then, ...
 const DIRECT_INLIERS_MIN: f64 = 0.6;
+/// ... more where no odometry says so, ...
+const DIRECT_INLIERS_ALONE_MIN: f64 = 0.8;
 /// ... and of what says anything, what speaks for it, ...
 const DIRECT_SHARE_MIN: f64 = 0.85;
 /// ... and it must lie within this many squared deviations.
@@ -29,6 +31,12 @@ const WIDE_TURN_RAD: f64 = 0.6;
 /// A place in the wider window must be better by this much, or by this much against the word of odometry.
 const GAIN_MIN: f64 = 0.05;
 const GAIN_ODOMETRY_MIN: f64 = 0.2;
+/// Where more than this is unsure, metres and radians, a place must stand out to be believed: ...
+const UNSURE_SHIFT_M: f64 = 0.3;
+const UNSURE_TURN_RAD: f64 = 0.3;
+/// ... by this share of the scan on surfaces, or by this much against any other.
+const OUTSTANDING_INLIERS: f64 = 0.5;
+const OUTSTANDING_GAP: f64 = 0.2;
 /// Information below which surfaces say nothing: 1/m², 1/rad².
 const INFORMATION_MIN: f64 = 1.0;
 
@@ -68,14 +76,23 @@ pub(crate) fn follow(
             variance: variance_of(&candidate.found.information, last, &pose),
         }
     };
-    if let Some(direct) = directly(map, cloud, &prior) {
+    let inliers_min = if foreseen.is_odometry() { DIRECT_INLIERS_MIN } else { DIRECT_INLIERS_ALONE_MIN };
+    if let Some(direct) = directly(map, cloud, &prior, inliers_min) {
         return Some(followed(&direct, true));
     }
-    let is_good =
-        |candidate: &Candidate| agrees(&candidate.evidence, expects(&candidate.found.map_from_scan));
+    let is_good = |candidate: &Candidate| {
+        let is_expected = expects(&candidate.found.map_from_scan);
+        // Against the word of odometry, only what is sure.
+        if foreseen.is_odometry() && !is_expected {
+            agrees_surely(&candidate.evidence)
+        } else {
+            agrees(&candidate.evidence, is_expected)
+        }
+    };
     let near = scan_match::candidates(map, cloud, &prior, window, N_CANDIDATES);
+    let is_unsure = foreseen.shift_m > UNSURE_SHIFT_M || foreseen.turn_rad > UNSURE_TURN_RAD;
     let best = near.iter().find(|c| is_good(c));
-    if let Some(best) = best {
+    if let Some(best) = best.filter(|best| !is_unsure || stands_out(best, &near)) {
         return Some(followed(best, true));
     }
     let widest = foreseen.widest();
@@ -90,21 +107,30 @@ pub(crate) fn follow(
         let gain = if foreseen.is_odometry() { GAIN_ODOMETRY_MIN } else { GAIN_MIN };
         let floor = near.map_or(f64::NEG_INFINITY, |near| near.score + gain);
         let far = scan_match::candidates(map, cloud, &loose, wider, N_CANDIDATES);
-        if let Some(far) = far.iter().find(|c| c.score >= floor && is_good(c)) {
-            return Some(followed(far, true));
+        let best = far.iter().find(|c| c.score >= floor && is_good(c));
+        if let Some(best) = best.filter(|best| stands_out(best, &far)) {
+            return Some(followed(best, true));
         }
     }
     near.map(|near| followed(near, false))
 }
 
+/// Whether a place is more than the best of many: most of the scan lies on surfaces there, or no other place
+/// comes near.
+fn stands_out(best: &Candidate, all: &[Candidate]) -> bool {
+    let is_other = |c: &&Candidate| c.found.map_from_scan != best.found.map_from_scan;
+    let other = all.iter().filter(is_other).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
+    best.found.inlier_share >= OUTSTANDING_INLIERS || best.score >= other + OUTSTANDING_GAP
+}
+
 /// The scan where it is foreseen, moved onto the surfaces; `None` when too much is unsure or it does not fit.
-fn directly(map: &MatchMap, cloud: &Cloud, prior: &Prior) -> Option<Candidate> {
+fn directly(map: &MatchMap, cloud: &Cloud, prior: &Prior, inliers_min: f64) -> Option<Candidate> {
     if prior.shift_m > DIRECT_SHIFT_M || prior.turn_rad > DIRECT_TURN_RAD {
         return None;
     }
     let found = refine::refine(map, cloud, prior.map_from_scan, prior);
     let evidence = Evidence::of_points(map, cloud, found.map_from_scan);
-    let is_sure = found.inlier_share >= DIRECT_INLIERS_MIN
+    let is_sure = found.inlier_share >= inliers_min
         && evidence.share() >= DIRECT_SHARE_MIN
         && prior.squared_deviations(&found.map_from_scan) <= DIRECT_DEVIATIONS2_MAX
         && agrees(&evidence, true);

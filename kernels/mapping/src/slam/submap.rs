@@ -76,6 +76,11 @@ impl Submap {
         self.map.as_ref().map_or(Cow::Borrowed(&self.cloud), |map| Cow::Owned(map.to_cloud()))
     }
 
+    /// What scans are matched against, made anew if it is finished.
+    pub(super) fn ready(&self, n_max: usize) -> Cow<'_, MatchMap> {
+        self.map.as_ref().map_or_else(|| Cow::Owned(self.rebuilt(n_max)), Cow::Borrowed)
+    }
+
     /// Made anew to be matched against, with at most so many pieces of surface.
     pub(super) fn rebuilt(&self, n_max: usize) -> MatchMap {
         let mut map = MatchMap::new(self.cell_m);
