@@ -20,10 +20,10 @@ use crate::margin::{Demand, World};
 use crate::noise::Noise;
 use crate::paper_literal::PaperLiteral;
 use crate::plan::Plan;
+use crate::points::PointIndex;
 use crate::primitives::deviation;
-use crate::scene::{Assumptions, Scene, Spare};
+use crate::scene::{Assumptions, Scene};
 use crate::score::{Best, Search};
-use crate::sweeper::Sweeper;
 use crate::unfreeze::Unfreeze;
 
 mod choice;
@@ -62,8 +62,8 @@ pub struct Filter {
     noise: Noise,
     best: Best,
     continued: Best,
-    spare: Spare,
-    sweeper: Sweeper,
+    /// Indices of points that are not in use.
+    spare: Vec<PointIndex>,
 }
 
 /// The ways out of the zones that the robot stands in, kept for some ticks.
@@ -110,8 +110,7 @@ impl Filter {
             noise: Noise::default(),
             best: Best::default(),
             continued: Best::default(),
-            spare: Spare::on(Isa::detect()),
-            sweeper: Sweeper::on(Isa::detect()),
+            spare: Vec::new(),
         })
     }
 
@@ -120,8 +119,7 @@ impl Filter {
     #[must_use]
     pub fn on(mut self, isa: Isa) -> Filter {
         self.noise = Noise::on(isa);
-        self.spare = Spare::on(isa);
-        self.sweeper = Sweeper::on(isa);
+        self.spare = vec![PointIndex::on(isa)];
         self
     }
 

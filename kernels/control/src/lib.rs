@@ -27,7 +27,6 @@ mod recovery;
 mod scene;
 mod score;
 pub mod standard;
-mod sweeper;
 pub mod tracker;
 mod unfreeze;
 

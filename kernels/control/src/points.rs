@@ -46,9 +46,6 @@ struct Lists {
     /// Candidates of all cells, each cell's padded to whole blocks.
     candidate_x_m: Vec<f64>,
     candidate_y_m: Vec<f64>,
-    /// Points that are a candidate anywhere, each once.
-    listed: Vec<Point2>,
-    is_listed: Vec<bool>,
 }
 
 impl Default for PointIndex {
@@ -92,9 +89,6 @@ impl PointIndex {
         self.reach_m = reach_m;
         lists.candidate_x_m.clear();
         lists.candidate_y_m.clear();
-        lists.listed.clear();
-        lists.is_listed.clear();
-        lists.is_listed.resize(n_padded, false);
         lists.turn = lists.turn.wrapping_add(1);
         if lists.turn == 0 {
             // After four billion uses an old range could look new.
@@ -103,11 +97,6 @@ impl PointIndex {
         }
         lists.ranges.resize(self.n_side * self.n_side, (0, 0, 0));
         true
-    }
-
-    /// Calls `take` with the points that were near to any place asked so far, at most `n_max` of them.
-    pub(crate) fn for_each_listed(&self, n_max: usize, take: impl FnMut(&Point2)) {
-        self.lists.borrow().listed.iter().filter(|p| p.x < NOWHERE_M).take(n_max).for_each(take);
     }
 
     /// Distance to the nearest point, metres, at most the reach; exact for places within the reach.
@@ -149,9 +138,6 @@ impl Lists {
                 let at = block * N_BLOCK + k;
                 self.candidate_x_m.push(self.x_m[at]);
                 self.candidate_y_m.push(self.y_m[at]);
-                if !std::mem::replace(&mut self.is_listed[at], true) {
-                    self.listed.push(Point2::new(self.x_m[at], self.y_m[at]));
-                }
             }
         }
         let n_padded = self.candidate_x_m.len().next_multiple_of(N_BLOCK);

@@ -4,15 +4,11 @@
 //! stands in (they are `soft`: nobody is kept in by them), which limits it already breaks (they allow full
 //! braking), and which scan hits may move. It is built once per tick and only read afterwards.
 
-use std::sync::Arc;
-
 use geometry::Point2;
 use mapping::DistanceField;
 
 use crate::config::Disturbance;
 use crate::dynamics::{Limits, State};
-use crate::fast::Isa;
-use crate::fast::window::Window;
 use crate::margin::{Demand, World};
 use crate::points::PointIndex;
 
@@ -50,7 +46,7 @@ pub(crate) enum Source {
 /// Where the distance of a spatial layer comes from.
 #[derive(Debug)]
 pub(crate) enum Shape<'w> {
-    Field(&'w Arc<DistanceField>),
+    Field(&'w DistanceField),
     /// Points, and the speed at which they may come closer, m/s.
     Points(PointIndex, f64),
 }
@@ -66,8 +62,6 @@ pub(crate) struct SpatialLayer<'w> {
     pub start_m: f64,
     /// True when the robot stands in it already (or recovery had to give it up): it does not bind.
     pub soft: bool,
-    /// Its bit in the window's masks, when it binds and is merged there.
-    pub bit: Option<u8>,
 }
 
 /// A limit on speed and turn rate, somewhere or everywhere; tolerances included.
@@ -93,25 +87,6 @@ pub(crate) struct Scene<'w> {
     pub spatial: Vec<SpatialLayer<'w>>,
     pub limits: Vec<LimitLayer<'w>>,
     segment_guard_m: f64,
-    window: Option<Window>,
-    is_merged: bool,
-    /// For each bit of the window's masks the position in `spatial`.
-    by_bit: [u16; 64],
-}
-
-/// What one scene leaves to the next, so that nothing is allocated anew.
-#[derive(Debug)]
-pub(crate) struct Spare {
-    isa: Isa,
-    points: Vec<PointIndex>,
-    window: Option<Window>,
-}
-
-impl Spare {
-    /// Nothing yet.
-    pub(crate) fn on(isa: Isa) -> Spare {
-        Spare { isa, points: Vec::new(), window: None }
-    }
 }
 
 impl SpatialLayer<'_> {
@@ -167,29 +142,19 @@ impl<'w> Scene<'w> {
         assumptions: Assumptions,
         stands_still: &dyn Fn(&str) -> bool,
     ) -> Scene<'w> {
-        Scene::with(world, start, assumptions, stands_still, &mut Spare::on(Isa::detect()))
+        Scene::with(world, start, assumptions, stands_still, &mut Vec::new())
     }
 
-    /// As `of`, with what former scenes left ([`Scene::leave`]).
+    /// As `of`, with what former scenes left of their indices of points ([`Scene::leave`]).
     pub(crate) fn with(
         world: &'w World,
         start: State,
         assumptions: Assumptions,
         stands_still: &dyn Fn(&str) -> bool,
-        spare: &mut Spare,
+        spare: &mut Vec<PointIndex>,
     ) -> Scene<'w> {
         let (spatial, limits) = (Vec::new(), Vec::new());
-        let by_bit = [0; 64];
-        let mut scene = Scene {
-            assumptions,
-            start,
-            spatial,
-            limits,
-            segment_guard_m: 0.0,
-            window: None,
-            is_merged: false,
-            by_bit,
-        };
+        let mut scene = Scene { assumptions, start, spatial, limits, segment_guard_m: 0.0 };
         scene.segment_guard_m = scene.longest_segment_guard_m();
         let radius_m = assumptions.radius_m;
         for (idx, layer) in world.base.iter().enumerate() {
@@ -199,47 +164,20 @@ impl<'w> Scene<'w> {
         for (idx, rule) in world.rules.iter().enumerate() {
             scene.add_rule(Source::Rule(idx), &rule.demand, stands_still(&rule.id));
         }
-        scene.merge(spare.window.take().unwrap_or_else(|| Window::on(spare.isa)));
-        scene.spatial.sort_unstable_by(|a, b| a.start_m.total_cmp(&b.start_m));
-        for (idx, layer) in scene.spatial.iter().enumerate() {
-            if let Some(bit) = layer.bit {
-                scene.by_bit[usize::from(bit)] = idx as u16;
-            }
-        }
+        scene.spatial.sort_by(|a, b| a.start_m.total_cmp(&b.start_m));
         scene
-    }
-
-    /// Has the layers that bind merged, as far as they lie on one lattice.
-    fn merge(&mut self, mut window: Window) {
-        let binding = |layer: &SpatialLayer<'w>| match layer.shape {
-            Shape::Field(field) if !layer.soft => Some((field, layer.keep_m)),
-            _ => None,
-        };
-        let fields = self.spatial.iter().enumerate().filter_map(|(idx, layer)| {
-            let (field, keep_m) = binding(layer)?;
-            Some((idx, field, keep_m))
-        });
-        let mut idx_of = [usize::MAX; 64];
-        window.hold(fields, |idx, bit| idx_of[usize::from(bit)] = idx);
-        for (bit, idx) in idx_of.into_iter().enumerate() {
-            if let Some(layer) = self.spatial.get_mut(idx) {
-                layer.bit = Some(bit as u8);
-            }
-        }
-        self.is_merged = !window.is_empty();
-        self.window = Some(window);
     }
 
     /// Adds a layer that the hull must stay clear of.
     fn add_spatial(&mut self, source: Source, shape: Shape<'w>, keep_m: f64) {
-        let mut layer = SpatialLayer { source, shape, keep_m, start_m: 0.0, soft: false, bit: None };
+        let mut layer = SpatialLayer { source, shape, keep_m, start_m: 0.0, soft: false };
         layer.start_m = layer.margin_m(self.start.position(), 0.0);
         layer.soft = layer.start_m <= 0.0 && !layer.is_base();
         self.spatial.push(layer);
     }
 
     /// Adds the scan, those hits apart that are on no map and may move.
-    fn add_points(&mut self, world: &World, spare: &mut Spare) {
+    fn add_points(&mut self, world: &World, spare: &mut Vec<PointIndex>) {
         let Assumptions { limits, radius_m, closing_speed_m_s, .. } = self.assumptions;
         let centre = self.start.position();
         // Turning half round and driving away must stay within reach.
@@ -251,43 +189,18 @@ impl<'w> Scene<'w> {
             if is_moving && closing_speed_m_s <= 0.0 {
                 break;
             }
-            let mut index = spare.points.pop().unwrap_or_else(|| PointIndex::on(spare.isa));
+            let mut index = spare.pop().unwrap_or_default();
             if index.fill(world.points.iter().copied().filter(|p| moves(p) == is_moving), centre, reach_m) {
                 self.add_spatial(Source::Points, Shape::Points(index, closing_m_s), radius_m);
             } else {
-                spare.points.push(index);
+                spare.push(index);
             }
         }
     }
 
-    /// No zone binds any more: there is no way out but through one.
-    pub(crate) fn give_up_zones(&mut self) {
-        for layer in &mut self.spatial {
-            layer.soft |= !layer.is_base();
-        }
-        // What was merged hides layers behind the zones.
-        self.unmerge();
-    }
-
-    /// Has every layer asked from now on.
-    fn unmerge(&mut self) {
-        self.is_merged = false;
-        self.spatial.iter_mut().for_each(|layer| layer.bit = None);
-    }
-
-    /// The bits of the merged layers that can be smallest at a place; none when nothing is merged.
-    #[inline]
-    pub(crate) fn mask(&self, place: Point2) -> u64 {
-        match &self.window {
-            Some(window) if self.is_merged => window.mask(place),
-            _ => 0,
-        }
-    }
-
-    /// Leaves what is of use to the next scene.
-    pub(crate) fn leave(self, spare: &mut Spare) {
-        spare.window = self.window;
-        spare.points.extend(self.spatial.into_iter().filter_map(|layer| match layer.shape {
+    /// Leaves the indices of points to the next scene.
+    pub(crate) fn leave(self, spare: &mut Vec<PointIndex>) {
+        spare.extend(self.spatial.into_iter().filter_map(|layer| match layer.shape {
             Shape::Points(index, _) => Some(index),
             Shape::Field(_) => None,
         }));
@@ -391,39 +304,13 @@ impl<'w> Scene<'w> {
 
     /// The layers that bind, with the smallest margin at a place, metres. Infinite when none binds.
     pub(crate) fn nearest(&self, place: Point2, seconds: f64) -> (f64, Option<Source>) {
-        let (mut nearest_m, mut nearest_idx) = (f64::INFINITY, usize::MAX);
-        let mut note = |idx: usize, layer: &SpatialLayer<'_>| {
+        let mut nearest = (f64::INFINITY, None);
+        for layer in self.spatial.iter().filter(|layer| !layer.soft) {
             let margin_m = layer.margin_m(place, seconds);
-            if margin_m < nearest_m || (margin_m == nearest_m && idx < nearest_idx) {
-                (nearest_m, nearest_idx) = (margin_m, idx);
+            if margin_m < nearest.0 {
+                nearest = (margin_m, Some(layer.source));
             }
-        };
-        let mut mask = self.mask(place);
-        if mask == u64::MAX {
-            // No place: everything is asked.
-            mask = 0;
-            let binding = self.spatial.iter().enumerate().filter(|(_, layer)| !layer.soft);
-            binding.for_each(|(idx, layer)| note(idx, layer));
-        } else {
-            let apart =
-                self.spatial.iter().enumerate().filter(|(_, layer)| !layer.soft && layer.bit.is_none());
-            apart.for_each(|(idx, layer)| note(idx, layer));
         }
-        while mask != 0 {
-            let idx = usize::from(self.by_bit[mask.trailing_zeros() as usize]);
-            if let Some(layer) = self.spatial.get(idx) {
-                note(idx, layer);
-            }
-            mask &= mask - 1;
-        }
-        (
-            nearest_m,
-            self.spatial.get(nearest_idx).filter(|_| nearest_m < f64::INFINITY).map(|layer| layer.source),
-        )
-    }
-
-    /// The merged layers, for a sweep; `None` when each has to be asked.
-    pub(crate) fn window(&self) -> Option<&Window> {
-        self.window.as_ref().filter(|_| self.is_merged)
+        nearest
     }
 }

@@ -11,7 +11,6 @@ use geometry::Point2;
 use crate::dynamics::{Control, Moved, State};
 use crate::noise::Noise;
 use crate::scene::{Assumptions, Scene, Shape};
-use crate::sweeper::Sweeper;
 
 /// Fields interpolated bilinearly change by at most this much a metre.
 pub(crate) const FIELD_SLOPE: f64 = std::f64::consts::SQRT_2;
@@ -28,16 +27,16 @@ pub(crate) struct Search {
 /// A rollout under way. Copied, it continues in two ways.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Runner {
-    pub x_m: f64,
-    pub y_m: f64,
-    pub cos: f64,
-    pub sin: f64,
-    pub speed_m_s: f64,
-    pub start_m_s: f64,
-    pub moving_s: f64,
-    pub path_m: f64,
+    x_m: f64,
+    y_m: f64,
+    cos: f64,
+    sin: f64,
+    speed_m_s: f64,
+    start_m_s: f64,
+    moving_s: f64,
+    path_m: f64,
     /// Smallest margin at the last sample, metres (or a bound above `kept_m` where that is enough).
-    pub here_m: f64,
+    here_m: f64,
     /// Bit i: the last sample may lie in the zone of limit i.
     zones: u64,
     /// The smallest margin sure to be kept so far, metres.
@@ -136,7 +135,6 @@ impl Runner {
         let place = Point2::new(self.x_m, self.y_m);
         let fallen_m = FIELD_SLOPE * self.path_m + scene.assumptions.closing_speed_m_s * self.moving_s;
         let (mut nearest_m, mut skipped_m) = (f64::INFINITY, f64::INFINITY);
-        let mut mask = None;
         for layer in &scene.spatial {
             let bound_m = layer.start_m - fallen_m;
             // Layers are sorted by their margin at the start: the rest is farther still.
@@ -149,12 +147,6 @@ impl Runner {
                 let bound_m = layer.start_m - self.path_m - closing_m_s * self.moving_s;
                 if bound_m >= nearest_m || bound_m - guard_m >= self.kept_m {
                     skipped_m = skipped_m.min(bound_m);
-                    continue;
-                }
-            }
-            if let Some(bit) = layer.bit {
-                // Of the merged layers most cannot be the smallest here.
-                if mask.get_or_insert_with(|| scene.mask(place)).to_owned() >> bit & 1 == 0 {
                     continue;
                 }
             }
@@ -231,33 +223,18 @@ pub(crate) struct Best {
 }
 
 impl Best {
-    /// Takes a sequence when it keeps more than the best so far; whether it did.
     fn consider(
         &mut self,
         scene: &Scene<'_>,
         runner: Runner,
         controls: impl Iterator<Item = Control> + Clone,
-    ) -> bool {
-        self.consider_above(scene, runner, controls, self.at_least_m())
-    }
-
-    /// What a sequence must keep more than to count, metres.
-    fn at_least_m(&self) -> f64 {
-        self.value_m.unwrap_or(self.floor_m)
-    }
-
-    fn consider_above(
-        &mut self,
-        scene: &Scene<'_>,
-        runner: Runner,
-        controls: impl Iterator<Item = Control> + Clone,
-        floor_m: f64,
-    ) -> bool {
-        let Some(value_m) = runner.follow(scene, controls.clone(), floor_m) else { return false };
-        self.value_m = Some(value_m);
-        self.controls.clear();
-        self.controls.extend(controls);
-        true
+    ) {
+        let floor_m = self.value_m.unwrap_or(self.floor_m);
+        if let Some(value_m) = runner.follow(scene, controls.clone(), floor_m) {
+            self.value_m = Some(value_m);
+            self.controls.clear();
+            self.controls.extend(controls);
+        }
     }
 
     fn suffices(&self, enough_m: f64) -> bool {
@@ -273,12 +250,6 @@ pub(crate) struct Wanted {
     pub enough_m: f64,
 }
 
-/// What a search works with; without a sweeper it looks at every sample, and finds the same.
-pub(crate) struct Means<'a> {
-    pub noise: &'a mut Noise,
-    pub sweeper: Option<&'a mut Sweeper>,
-}
-
 /// Searches the continuation of `runner` that keeps the largest margin.
 ///
 /// `rate_rad_s` is the turn rate of the moment; `warm` are sequences to try first: the last solution, the
@@ -286,7 +257,7 @@ pub(crate) struct Means<'a> {
 pub(crate) fn search(
     scene: &Scene<'_>,
     search: &Search,
-    Means { noise, mut sweeper }: Means<'_>,
+    noise: &mut Noise,
     runner: Runner,
     (rate_rad_s, warm): (f64, &[&[Control]]),
     Wanted { above_m, enough_m }: Wanted,
@@ -323,38 +294,15 @@ pub(crate) fn search(
         incumbent.extend(around.iter().take(search.n_steps));
         let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2: -limits.accel_m_s2_max };
         incumbent.resize(search.n_steps, braking);
-        let sampled = |sample: usize| {
+        for sample in 0..search.n_samples {
             let draws = noise.sequence(round * search.n_samples + sample);
-            incumbent.iter().zip(draws).map(|(control, (rate, accel))| {
+            let perturbed = incumbent.iter().zip(draws).map(|(control, (rate, accel))| {
                 limits.clamped(Control {
                     yaw_rate_rad_s: control.yaw_rate_rad_s + search.sigma.yaw_rate_rad_s * rate,
                     accel_m_s2: control.accel_m_s2 + search.sigma.accel_m_s2 * accel,
                 })
-            })
-        };
-        let swept = sweeper
-            .as_deref_mut()
-            .and_then(|s| s.sweep(scene, search, (&*noise, round), runner, &incumbent, best.at_least_m()));
-        match swept {
-            None => (0..search.n_samples).for_each(|sample| {
-                best.consider(scene, runner, sampled(sample));
-            }),
-            Some(swept) => {
-                let mut taken = None;
-                // The most promising first: its value rules most of the others out.
-                let first = swept.first();
-                for sample in first.into_iter().chain((0..search.n_samples).filter(|k| Some(*k) != first)) {
-                    // Of equal values the first sample's counts, as when all are looked at in order.
-                    let is_before = taken.is_some_and(|taken| sample < taken);
-                    let at_least_m = best.at_least_m();
-                    let floor_m = if is_before { at_least_m.next_down() } else { at_least_m };
-                    if swept.may_keep_m(sample) > floor_m
-                        && best.consider_above(scene, runner, sampled(sample), floor_m)
-                    {
-                        taken = Some(sample);
-                    }
-                }
-            }
+            });
+            best.consider(scene, runner, perturbed);
         }
         best.trial = incumbent;
         if best.suffices(enough_m) {

@@ -49,47 +49,6 @@ pub(crate) fn unpacked<const FUSED: bool>(word: u32, share_x: f32, share_y: f32)
     fused::<FUSED>(share_y, fused::<FUSED>(share_x, both, y as f32), along_x)
 }
 
-/// Largest difference of two neighbours along an axis in a fine word, in quanta, with one spare for rounding.
-pub(crate) const FINE_AXIS_MAX: f32 = 4094.0;
-/// Largest and smallest value of the base corner of a fine word, in quanta: what f32 holds exactly.
-pub(crate) const FINE_BASE_MAX: i32 = (1 << 23) - 1;
-
-/// A cell's fine word: as [`packed`], in 24, 13, 13 and 14 bits, without a mark.
-///
-/// Its halves are the base's last six bits with x and y, and the rest of the base with xy: both are taken apart
-/// as words of 32 bits.
-#[inline(always)]
-pub(crate) fn fine(corners: [i32; 4]) -> u64 {
-    let clamped = |value: i32, low: i32, high: i32| {
-        if value < low {
-            low
-        } else if value > high {
-            high
-        } else {
-            value
-        }
-    };
-    let base = clamped(corners[0], -FINE_BASE_MAX - 1, FINE_BASE_MAX);
-    let x = clamped(corners[1].wrapping_sub(base), -4096, 4095);
-    let y = clamped(corners[2].wrapping_sub(base), -4096, 4095);
-    let xy = clamped(corners[3].wrapping_sub(base), -8192, 8191);
-    let low = ((base as u32 & 0x3F) << 26) | ((x as u32 & 0x1FFF) << 13) | (y as u32 & 0x1FFF);
-    let high = ((base >> 6) as u32) << 14 | (xy as u32 & 0x3FFF);
-    u64::from(low) | (u64::from(high) << 32)
-}
-
-/// The value inside a cell of a fine word's halves, in quanta.
-#[inline(always)]
-pub(crate) fn unpacked_fine<const FUSED: bool>(low: u32, high: u32, share_x: f32, share_y: f32) -> f32 {
-    let base = (((high as i32) >> 14) << 6) | (low >> 26) as i32;
-    let x = ((low << 6) as i32) >> 19;
-    let y = ((low << 19) as i32) >> 19;
-    let xy = ((high << 18) as i32) >> 18;
-    let both = xy.wrapping_sub(x).wrapping_sub(y) as f32;
-    let along_x = fused::<FUSED>(share_x, x as f32, base as f32);
-    fused::<FUSED>(share_y, fused::<FUSED>(share_x, both, y as f32), along_x)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -110,23 +69,6 @@ mod tests {
             let exact = lower + share_y * (upper - lower);
             prop_assert!(found <= exact + 1e-5 && found > exact - quantum - 1e-5, "{found} {exact}");
             prop_assert_eq!(word & RIDGE != 0, is_ridge);
-        }
-
-        #[test]
-        fn a_fine_word_says_the_same_to_a_hundredth_of_a_millimetre(
-            base in -90.0..90.0_f32, x in -0.049..0.049_f32, y in -0.049..0.049_f32, xy in -0.001..0.001_f32,
-            share_x in 0.0..=1.0_f32, share_y in 0.0..=1.0_f32,
-        ) {
-            let quantum = 0.05 / FINE_AXIS_MAX;
-            let corners = [base, base + x, base + y, base + x + y + xy];
-            let word = fine(corners.map(|c| (c / quantum).floor() as i32));
-            let found = quantum * unpacked_fine::<false>(word as u32, (word >> 32) as u32, share_x, share_y);
-            let lower = corners[0] + share_x * (corners[1] - corners[0]);
-            let upper = corners[2] + share_x * (corners[3] - corners[2]);
-            let exact = lower + share_y * (upper - lower);
-            // f32 itself is good for eight micrometres at ninety metres.
-            let rounding = 1e-6 + 3e-7 * base.abs();
-            prop_assert!(found <= exact + rounding && found > exact - quantum - rounding, "{found} {exact}");
         }
     }
 }

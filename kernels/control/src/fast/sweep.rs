@@ -5,15 +5,17 @@
 //! here too, from an incumbent and the draws of the tick, and never stored. How a robot moves and what a margin
 //! is worth is a [`Model`]'s business; the standard problem and the filter that drives each have one.
 
-use super::isa::Work;
-use super::lanes::{judge_lanes, near_lanes, place_lanes, room_lanes, step_lanes};
+use super::isa::{Work, fused};
 use super::merge::Merged;
-use super::packed::RIDGE;
+use super::packed::{RIDGE, unpacked};
 
 /// Lanes of one pass.
-pub(super) const N: usize = 64;
+const N: usize = 64;
 /// Lanes are counted in whole vectors of so many.
-pub(super) const N_VECTOR: usize = 16;
+const N_VECTOR: usize = 16;
+/// Adding and subtracting it rounds a number of at most 2²² to the nearest whole one.
+const ROUNDER: f32 = 12_582_912.0;
+
 /// Lanes with room for whole vectors.
 pub(crate) fn padded(n_samples: usize) -> usize {
     n_samples.next_multiple_of(N_VECTOR)
@@ -27,14 +29,6 @@ pub(crate) trait Model: Copy {
     const WRAPS: bool;
     /// What one step does to a lane.
     fn step<const FUSED: bool>(&self, speed_m_s: f32, turn_rad: f32, gain_m_s: f32) -> Step;
-    /// The margins at a place in a cell, to what must be kept clear of and to the slow zone, of the halves of the
-    /// cell's word; `quantum_m` is theirs.
-    fn margins_m<const FUSED: bool>(
-        &self,
-        halves: (u32, u32),
-        share: (f32, f32),
-        quantum_m: [f32; 2],
-    ) -> (f32, f32);
     /// What the two margins at a place are worth at a speed, metres.
     fn worth_m(&self, clear_m: f32, slow_m: f32, speed_m_s: f32) -> f32;
 }
@@ -73,7 +67,8 @@ pub(crate) struct From {
     pub tube_m: f32,
 }
 
-/// The grid of words under the lanes; what they mean is the model's business.
+/// The grid of words under the lanes; the lower half of a word is the margin to what must be kept clear of, the
+/// upper half that to the slow zone.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ground<'a> {
     /// As many as a power of two.
@@ -86,15 +81,10 @@ pub(crate) struct Ground<'a> {
     pub high: [f32; 2],
     /// The most that either margin changes over the length of a cell side, metres.
     pub slope_m: f32,
-    /// Quanta of the words, metres.
+    /// Quanta of the two margins, metres.
     pub quantum_m: [f32; 2],
     /// Who to ask where layers cross.
     pub ridges: Option<&'a Merged>,
-    /// Points to keep clear of, in cells from the lower left corner of the start's; only where segments lose.
-    pub points: &'a [[f32; 2]],
-    /// What the distance to them must exceed, and the side of a cell, metres.
-    pub points_keep_m: f32,
-    pub cell_m: f32,
 }
 
 /// The sequences: clamp(incumbent + scale · draw), a step each.
@@ -169,11 +159,11 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
 }
 
 /// Some lane still keeps more than the floor.
-pub(super) const ALIVE: u32 = 1;
+const ALIVE: u32 = 1;
 /// Some such lane may be lowered by what the words say here.
-pub(super) const READS: u32 = 2;
+const READS: u32 = 2;
 /// Some such lane moves.
-pub(super) const MOVING: u32 = 4;
+const MOVING: u32 = 4;
 
 /// The lanes of one pass.
 struct Pass {
@@ -197,8 +187,6 @@ struct Pass {
     share_x: [f32; N],
     share_y: [f32; N],
     cell_idx: [i32; N],
-    /// The margin to the points.
-    near_m: [f32; N],
     clear: [u32; N],
     slow: [u32; N],
     ridge: [u32; N],
@@ -224,7 +212,6 @@ impl Pass {
             share_x: [0.0; N],
             share_y: [0.0; N],
             cell_idx: [0; N],
-            near_m: [f32::INFINITY; N],
             clear: [0; N],
             slow: [0; N],
             ridge: [0; N],
@@ -299,9 +286,6 @@ impl Pass {
     /// Lowers what lanes keep by the margins at their places; not 0 when some lie on a ridge that matters.
     #[inline(always)]
     fn judge<M: Model, const FUSED: bool>(&mut self, model: M, ground: &Ground<'_>) -> u32 {
-        if M::LOSES && !ground.points.is_empty() {
-            near_lanes::<FUSED>(self.n.min(N), ground, &mut self.near_m, &self.x, &self.y);
-        }
         judge_lanes::<M, FUSED>(
             self.n.min(N),
             model,
@@ -311,7 +295,6 @@ impl Pass {
             &mut self.ridge,
             &self.bound_m,
             &self.lost_m,
-            &self.near_m,
             (&self.clear, &self.slow),
             &self.share_x,
             &self.share_y,
@@ -327,8 +310,7 @@ impl Pass {
         for lane in (0..n.min(N)).filter(|lane| self.ridge[*lane] != 0) {
             let (x, y) = (self.share_x[lane], self.share_y[lane]);
             let clear_m = ridges.ridge_m(self.cell_idx[lane] as usize, (x, y));
-            let halves = (self.clear[lane], self.slow[lane]);
-            let (_, slow_m) = model.margins_m::<false>(halves, (x, y), ground.quantum_m);
+            let slow_m = ground.quantum_m[1] * unpacked::<false>(self.slow[lane], x, y);
             let worth_m = model.worth_m(clear_m, slow_m, self.speed_m_s[lane]);
             self.kept_m[lane] = least(self.kept_m[lane], worth_m);
         }
@@ -347,6 +329,146 @@ pub(crate) fn least(a: f32, b: f32) -> f32 {
 #[inline(always)]
 pub(crate) fn most(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
+}
+
+// Each loop reads and writes arrays that are arguments of their own: only then does the compiler know that
+// they do not overlap, and makes vectors of them.
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
+fn step_lanes<M: Model, const FUSED: bool>(
+    n: usize,
+    model: M,
+    ([turn_draws, gain_draws], held, scale, limit): ([&[f32]; 2], [f32; 2], [f32; 2], [f32; 2]),
+    x: &mut [f32; N],
+    y: &mut [f32; N],
+    sin: &mut [f32; N],
+    cos: &mut [f32; N],
+    speed_m_s: &mut [f32; N],
+    bound_m: &mut [f32; N],
+    lost_m: &mut [f32; N],
+    tube_m: &mut [f32; N],
+    moved: &mut [f32; N],
+) {
+    let (turn_draws, gain_draws) = (&turn_draws[..n], &gain_draws[..n]);
+    let sampled =
+        |draw: f32, k: usize| most(least(fused::<FUSED>(draw, scale[k], held[k]), limit[k]), -limit[k]);
+    for lane in 0..n {
+        let (turn, gain) = (sampled(turn_draws[lane], 0), sampled(gain_draws[lane], 1));
+        let step = model.step::<FUSED>(speed_m_s[lane], turn, gain);
+        let (s, c) = (sin[lane], cos[lane]);
+        let (ahead_x, ahead_y) =
+            (fused::<FUSED>(step.along, c, x[lane]), fused::<FUSED>(step.along, s, y[lane]));
+        x[lane] = if M::LOSES { fused::<FUSED>(-step.aside, s, ahead_x) } else { ahead_x };
+        y[lane] = if M::LOSES { fused::<FUSED>(step.aside, c, ahead_y) } else { ahead_y };
+        sin[lane] = fused::<FUSED>(s, step.turn_cos, c * step.turn_sin);
+        cos[lane] = fused::<FUSED>(c, step.turn_cos, -s * step.turn_sin);
+        speed_m_s[lane] = step.speed_m_s;
+        bound_m[lane] = step.bound_m;
+        moved[lane] = step.length;
+        if M::LOSES {
+            let tube = tube_m[lane] + step.growth_m;
+            tube_m[lane] = tube;
+            lost_m[lane] = step.loss_m + tube;
+        }
+    }
+}
+
+#[inline(always)]
+fn place_lanes<M: Model>(
+    n: usize,
+    ground: &Ground<'_>,
+    share_x: &mut [f32; N],
+    share_y: &mut [f32; N],
+    cell_idx: &mut [i32; N],
+    x: &[f32; N],
+    y: &[f32; N],
+) {
+    let ([low_x, low_y], [high_x, high_y]) = (ground.low, ground.high);
+    let ([first_col, first_row], n_cols) = (ground.first, ground.n_cols);
+    let first_idx = first_row.wrapping_mul(n_cols).wrapping_add(first_col);
+    let whole = |rounded: f32| (rounded.to_bits() as i32).wrapping_sub(ROUNDER.to_bits() as i32);
+    for lane in 0..n {
+        let inside_x = most(least(x[lane], high_x), low_x);
+        let inside_y = most(least(y[lane], high_y), low_y);
+        let (col, row) = ((inside_x - 0.5) + ROUNDER, (inside_y - 0.5) + ROUNDER);
+        share_x[lane] = inside_x - (col - ROUNDER);
+        share_y[lane] = inside_y - (row - ROUNDER);
+        cell_idx[lane] = if M::WRAPS {
+            let (col, row) = (whole(col).wrapping_add(first_col), whole(row).wrapping_add(first_row));
+            ((row & 0xFF) << 8) | (col & 0xFF)
+        } else {
+            whole(row).wrapping_mul(n_cols).wrapping_add(whole(col)).wrapping_add(first_idx)
+        };
+    }
+}
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
+fn room_lanes<M: Model>(
+    n: usize,
+    room_m: &mut [f32; N],
+    kept_m: &mut [f32; N],
+    moved: &[f32; N],
+    bound_m: &[f32; N],
+    lost_m: &[f32; N],
+    slope_m: f32,
+    floor_m: f32,
+) -> u32 {
+    let mut state = 0;
+    for lane in 0..n {
+        let room = room_m[lane] - slope_m * moved[lane] - 1e-6;
+        room_m[lane] = room;
+        let kept = least(kept_m[lane], bound_m[lane]);
+        kept_m[lane] = kept;
+        let left = if M::LOSES { room - lost_m[lane] } else { room };
+        let is_alive = kept > floor_m;
+        state |= if is_alive { ALIVE } else { 0 };
+        state |= if is_alive & (left < kept) { READS } else { 0 };
+        state |= if is_alive & (moved[lane] > 0.0) { MOVING } else { 0 };
+    }
+    state
+}
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
+fn judge_lanes<M: Model, const FUSED: bool>(
+    n: usize,
+    model: M,
+    kept_m: &mut [f32; N],
+    here_m: &mut [f32; N],
+    room_m: &mut [f32; N],
+    ridge: &mut [u32; N],
+    bound_m: &[f32; N],
+    lost_m: &[f32; N],
+    (clear, slow): (&[u32; N], &[u32; N]),
+    share_x: &[f32; N],
+    share_y: &[f32; N],
+    speed_m_s: &[f32; N],
+    [clear_quantum_m, slow_quantum_m]: [f32; 2],
+) -> u32 {
+    let mut ridges = 0;
+    for lane in 0..n {
+        let (x, y, clear, slow) = (share_x[lane], share_y[lane], clear[lane], slow[lane]);
+        let clear_m = clear_quantum_m * unpacked::<FUSED>(clear, x, y);
+        let slow_m = slow_quantum_m * unpacked::<FUSED>(slow, x, y);
+        let worth_m = model.worth_m(clear_m, slow_m, speed_m_s[lane]);
+        // Not the loaded value itself is chosen from: that would make a masked store, which the next load waits for.
+        let kept = least(kept_m[lane], bound_m[lane]);
+        room_m[lane] = least(clear_m, slow_m);
+        if M::LOSES {
+            // What such robots read is never a ridge: their words are bounds already.
+            kept_m[lane] = least(kept, least(here_m[lane], worth_m) - lost_m[lane]);
+            here_m[lane] = worth_m;
+        } else {
+            let lowers = if worth_m < kept { 1 } else { 0 };
+            let is_ridge = (clear >> 31) & lowers;
+            ridge[lane] = is_ridge;
+            ridges |= is_ridge;
+            kept_m[lane] = if is_ridge != 0 { kept } else { least(kept, worth_m) };
+        }
+    }
+    ridges
 }
 
 /// A word of two: what must be kept clear of, and the slow zone.

@@ -16,7 +16,7 @@ use crate::plan::Plan;
 use crate::primitives::primitives;
 use crate::recovery::{least_harm, remaining_controls};
 use crate::scene::{Assumptions, Scene, Source};
-use crate::score::{Means, Runner, Search, Wanted, search};
+use crate::score::{Runner, Search, Wanted, search};
 
 /// How long a map of the ways out is used, seconds: a flood takes milliseconds, zones change slowly.
 const EXITS_AGE_S_MAX: f64 = 0.5;
@@ -47,8 +47,7 @@ impl Filter {
         let rate = wanted.yaw_rate_rad_s;
         let goal = Wanted { above_m: 0.0, enough_m: self.config.ample_m };
         let mut best = std::mem::take(&mut self.best);
-        let means = Means { noise: &mut self.noise, sweeper: Some(&mut self.sweeper) };
-        search(scene, &self.search, means, runner, (rate, &warm), goal, &mut best);
+        search(scene, &self.search, &mut self.noise, runner, (rate, &warm), goal, &mut best);
         let choice = match best.value_m {
             Some(v_safe_m) => {
                 let safest = self.roll(scene, &best.controls);
@@ -132,8 +131,7 @@ impl Filter {
         let warm = [after.as_slice()];
         let from = (first.yaw_rate_rad_s, &warm[..]);
         let continued = &mut self.continued;
-        let means = Means { noise: &mut self.noise, sweeper: Some(&mut self.sweeper) };
-        search(scene, &self.search, means, runner, from, goal, continued);
+        search(scene, &self.search, &mut self.noise, runner, from, goal, continued);
         continued.value_m.is_some()
     }
 
@@ -218,11 +216,11 @@ impl Filter {
             if let Some(map) = ExitMap::around(scene) {
                 return Exits { age_s: 0.0, map: Some(map), through_zones: false };
             }
-            scene.give_up_zones();
+            give_up_zones(scene);
             Exits { age_s: 0.0, map: ExitMap::around(scene), through_zones: true }
         });
         if exits.through_zones {
-            scene.give_up_zones();
+            give_up_zones(scene);
         }
         let map = exits.map.clone();
         self.exits = Some(exits);
@@ -244,6 +242,13 @@ impl Filter {
     fn roll(&self, scene: &Scene<'_>, controls: &[Control]) -> Plan {
         let Assumptions { limits, step_s, braking_tail, .. } = scene.assumptions;
         Plan::roll(scene.start, controls, step_s, &limits, braking_tail)
+    }
+}
+
+/// No zone binds any more: there is no way out but through one.
+fn give_up_zones(scene: &mut Scene<'_>) {
+    for layer in &mut scene.spatial {
+        layer.soft |= !layer.is_base();
     }
 }
 

@@ -11,13 +11,11 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use super::*;
 use crate::certificate::certify;
 use crate::config::Method;
-use crate::fast::Isa;
 use crate::filter::Filter;
 use crate::margin::{BaseLayer, RuleLayer};
 use crate::plan::Plan;
 use crate::scene::Scene;
-use crate::score::{Best, Means, Runner, Wanted, search};
-use crate::sweeper::Sweeper;
+use crate::score::{Best, Runner, Wanted, search};
 
 const N_CASES: u64 = 120;
 
@@ -153,8 +151,7 @@ fn the_score_is_the_oracles_and_never_falls_over_the_rounds() {
             let mut best = Best::default();
             let from = (0.3, &[warm.as_slice()][..]);
             let goal = Wanted { above_m: 0.0, enough_m: f64::INFINITY };
-            let means = Means { noise: &mut noise, sweeper: None };
-            search(&scene, &parameters, means, Runner::start(&scene), from, goal, &mut best);
+            search(&scene, &parameters, &mut noise, Runner::start(&scene), from, goal, &mut best);
             let slow = score(
                 &case.world,
                 &case.assumptions,
@@ -169,33 +166,6 @@ fn the_score_is_the_oracles_and_never_falls_over_the_rounds() {
             last = best.value_m;
         }
     }
-}
-
-#[test]
-fn a_search_that_sweeps_first_finds_the_same_to_the_last_bit() {
-    let mut n_found = 0;
-    for seed in 0..N_CASES * 3 {
-        let mut case = case(seed);
-        let warm = any_controls(&mut case, 8);
-        let scene = Scene::of(&case.world, case.start, case.assumptions, &|_| false);
-        let parameters = search_of(&case.config);
-        for isa in Isa::available() {
-            let found = |sweeper: Option<&mut Sweeper>| {
-                let mut noise = Noise::on(isa);
-                noise.begin(seed, 1, (2, 12), 12);
-                let mut best = Best::default();
-                let goal = Wanted { above_m: 0.0, enough_m: f64::INFINITY };
-                let means = Means { noise: &mut noise, sweeper };
-                let from = (0.3, &[warm.as_slice()][..]);
-                search(&scene, &parameters, means, Runner::start(&scene), from, goal, &mut best);
-                (best.value_m, best.controls)
-            };
-            let slow = found(None);
-            n_found += usize::from(slow.0.is_some());
-            assert_eq!(found(Some(&mut Sweeper::on(isa))), slow, "seed {seed}, {isa:?}");
-        }
-    }
-    assert!(n_found > 100, "{n_found}");
 }
 
 #[test]

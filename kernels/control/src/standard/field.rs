@@ -60,9 +60,6 @@ impl<'s> Field<'s> {
             slope_m: self.clear.slope_m.max(self.slow.slope_m),
             quantum_m: [self.clear.quantum_m, self.slow.quantum_m],
             ridges: Some(&self.clear),
-            points: &[],
-            points_keep_m: 0.0,
-            cell_m: CELL_M as f32,
         };
         (ground, [(x - col) as f32, (y - row) as f32])
     }

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::fast::isa::fused;
-use crate::fast::packed::unpacked;
 use crate::fast::sweep::{Model, Step, least, most};
 
 /// What f32 may add to or take from a margin along a rollout, metres: measured below 2e-6, taken twentyfold.
@@ -42,16 +41,6 @@ impl Model for Euler {
             loss_m: 0.0,
             growth_m: 0.0,
         }
-    }
-
-    #[inline(always)]
-    fn margins_m<const FUSED: bool>(
-        &self,
-        (clear, slow): (u32, u32),
-        (x, y): (f32, f32),
-        quantum_m: [f32; 2],
-    ) -> (f32, f32) {
-        (quantum_m[0] * unpacked::<FUSED>(clear, x, y), quantum_m[1] * unpacked::<FUSED>(slow, x, y))
     }
 
     #[inline(always)]
