@@ -126,32 +126,16 @@ impl<'a> TrustedDepth<'a> {
     /// Depth at a pixel of the mask, metres; `None` when it is not to be trusted.
     pub(crate) fn at(&self, col: usize, row: usize) -> Option<f32> {
         let depth_m = self.raw_m(row * self.width + col);
-        let is_leak = || self.edge_relative.is_finite() && self.is_leak(col, row, depth_m);
-        (self.is_trusted_inside(col, row) && !is_leak()).then_some(depth_m)
-    }
-
-    /// Whether every pixel of a box is in the mask, none of them outside the image; false without a mask, where no
-    /// border has to be minded.
-    pub(crate) fn is_wholly_masked(
-        &self,
-        cols: std::ops::Range<usize>,
-        rows: std::ops::Range<usize>,
-    ) -> bool {
-        let Some(mask) = self.mask.filter(|_| cols.end <= self.width && rows.end <= self.height) else {
-            return false;
-        };
-        rows.into_iter().all(|row| {
-            let begin = row * self.width;
-            mask.bits()[begin + cols.start..begin + cols.end].iter().all(|bit| *bit)
-        })
-    }
-
-    /// Whether a pixel's depth is to be trusted, far from any border of the mask.
-    pub(crate) fn is_trusted_inside(&self, col: usize, row: usize) -> bool {
-        let depth_m = self.raw_m(row * self.width + col);
-        // Zero is no depth, whatever the range.
-        let is_in_range = depth_m > 0.0 && depth_m >= self.min_m && depth_m <= self.max_m;
-        is_in_range && !(self.edge_relative.is_finite() && self.is_edge(col, row, depth_m))
+        // Zero, which is no depth, is below any range.
+        if depth_m <= 0.0 || depth_m < self.min_m || depth_m > self.max_m {
+            return None;
+        }
+        if self.edge_relative.is_finite()
+            && (self.is_edge(col, row, depth_m) || self.is_leak(col, row, depth_m))
+        {
+            return None;
+        }
+        Some(depth_m)
     }
 
     fn raw_m(&self, idx: usize) -> f32 {
@@ -173,12 +157,12 @@ impl<'a> TrustedDepth<'a> {
 
     /// Whether three depths in line break at the middle one; 0 is a depth that is not known.
     fn breaks(&self, before: f32, here: f32, after: f32) -> bool {
-        let jump_m = |other: f32| if other > 0.0 { (other - here).abs() } else { 0.0 };
-        let largest_m = jump_m(before).max(jump_m(after));
-        if largest_m <= self.edge_relative * here {
+        let jump = |other: f32| if other > 0.0 { (other - here).abs() / here } else { 0.0 };
+        let largest = jump(before).max(jump(after));
+        if largest <= self.edge_relative {
             return false;
         }
-        if largest_m > EDGE_ALWAYS * here || before <= 0.0 || after <= 0.0 {
+        if largest > EDGE_ALWAYS || before <= 0.0 || after <= 0.0 {
             return true;
         }
         let (step, next_step) = (1.0 / here - 1.0 / before, 1.0 / after - 1.0 / here);
@@ -190,22 +174,23 @@ impl<'a> TrustedDepth<'a> {
         if self.mask.is_none() {
             return false;
         }
-        let idx = row * self.width + col;
-        let neighbours = |off: usize| {
-            [
+        let (mut at_border, mut behind) = (false, false);
+        let closer_m = depth_m * (1.0 - LEAK);
+        for off in 1..=self.erode_px {
+            let idx = row * self.width + col;
+            let neighbours = [
                 (col >= off).then(|| idx - off),
                 (col + off < self.width).then(|| idx + off),
                 (row >= off).then(|| idx - off * self.width),
                 (row + off < self.height).then(|| idx + off * self.width),
-            ]
-        };
-        let mut around = (1..=self.erode_px).flat_map(|off| neighbours(off).into_iter().flatten());
-        // Most pixels are well inside: the border is looked for first.
-        if around.clone().all(|neighbour| self.in_mask(neighbour)) {
-            return false;
+            ];
+            for neighbour in neighbours.into_iter().flatten() {
+                at_border |= !self.in_mask(neighbour);
+                let there_m = self.raw_m(neighbour);
+                behind |= there_m > 0.0 && there_m < closer_m;
+            }
         }
-        let closer_m = depth_m * (1.0 - LEAK);
-        around.any(|neighbour| (f32::MIN_POSITIVE..closer_m).contains(&self.raw_m(neighbour)))
+        at_border && behind
     }
 }
 

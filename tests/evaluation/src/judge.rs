@@ -113,7 +113,8 @@ impl Judge {
             let breach = breach(&watch.rule, &watch.zone, moment);
             if !self.has_begun {
                 self.began_s = moment.time_s;
-                watch.is_too_late = room_m(watch, moment).is_some_and(|room_m| room_m <= self.stopping_m);
+                watch.is_too_late =
+                    room_m(watch, moment).is_some_and(|room_m| room_m > 0.0 && room_m <= self.stopping_m);
             }
             let is_too_late = watch.is_too_late && moment.time_s - self.began_s <= TOO_LATE_S;
             watch.is_excused = breach.is_some() && (watch.is_excused || !self.has_begun || is_too_late);

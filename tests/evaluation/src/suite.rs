@@ -174,6 +174,7 @@ pub fn play(jobs: &[Job<'_>], out: &Path, n_threads: usize) -> anyhow::Result<Ve
     std::fs::create_dir_all(out.join("paths"))
         .with_context(|| format!("create {} (--out)", out.display()))?;
     let file = out.join("results.jsonl");
+    drop_half_line(&file)?;
     let played: BTreeSet<String> = read_lines(&file).iter().map(key_of).collect();
     let left: Vec<&Job<'_>> = jobs.iter().filter(|job| !played.contains(&job.key())).collect();
     let progress = Progress::new(jobs.len(), jobs.len() - left.len());
@@ -186,10 +187,19 @@ pub fn play(jobs: &[Job<'_>], out: &Path, n_threads: usize) -> anyhow::Result<Ve
     Ok(lines)
 }
 
+/// Takes away a line that was cut off when the last run was ended: its trial is played again.
+fn drop_half_line(file: &Path) -> anyhow::Result<()> {
+    let Ok(text) = std::fs::read_to_string(file) else { return Ok(()) };
+    let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+    if whole.len() < text.len() {
+        std::fs::write(file, whole).with_context(|| format!("write {}", file.display()))?;
+    }
+    Ok(())
+}
+
 fn read_lines(file: &Path) -> Vec<Line> {
     // Nothing has been played when there is no file yet.
     let text = std::fs::read_to_string(file).unwrap_or_default();
-    // A line that was cut off when the last run was ended is played again.
     text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 

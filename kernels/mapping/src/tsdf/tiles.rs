@@ -1,25 +1,21 @@
 //! A depth image in small squares, each with the plane that it shows.
 //!
 //! A voxel asks for the plane at its pixel; most of the image is flat over some pixels, and a plane found once
-//! serves all voxels that look there. Where a pixel does not lie on its tile's plane, there is none.
+//! serves all voxels that look there. Where a pixel does not lie on its tile's plane, the voxel finds its own.
 
 use nalgebra::Vector3;
 
-use super::planes::Planes;
+use super::update::Planes;
 use crate::projection::TrustedDepth;
 
 /// Side of a tile, pixels: at least and at most.
 const SIDE_MIN: usize = 2;
 const SIDE_MAX: usize = 8;
 /// A tile covers at most this many voxels at the far end of what is trusted.
-const SIDE_VOXELS: f64 = 2.0;
-/// A pixel lies on its tile's plane when its depth is within this share of the plane's, …
+const SIDE_VOXELS: f64 = 1.5;
+/// A pixel lies on its tile's plane when its depth is within this share of the plane's.
 const ON_PLANE: f32 = 0.015;
-/// … or within this for each metre of depth: a structured-light camera's steps are 0.3 % of depth a metre.
-const ON_PLANE_PER_M: f32 = 0.005;
 
-/// Where a tile is not flat, a surface is near only within this many truncations along the ray.
-pub(super) const EDGE_BAND: f32 = 4.0;
 /// So many pixels beside a tile must lie on its plane too: mask and depth are off by that much at edges.
 const BESIDE: usize = 2;
 
@@ -33,14 +29,10 @@ pub(super) struct Tile {
     pub(super) cosine: f32,
     /// Inverse depth at the middle, and its slopes by column and row.
     inverse: [f32; 3],
-    /// How far off the plane a pixel on it may be, as a share of depth.
-    slack: f32,
     /// Middle pixel.
     middle: [f32; 2],
     /// It is flat, and its depth to be trusted.
-    pub(super) is_sure: bool,
-    /// It and its neighbours are wholly in the mask: no border is near.
-    pub(super) is_inside: bool,
+    is_sure: bool,
 }
 
 /// The tiles of the part of an image that holds a mask.
@@ -48,10 +40,7 @@ pub(super) struct Tiles {
     shift: u32,
     first: [usize; 2],
     n_cols: usize,
-    n_rows: usize,
     tiles: Vec<Tile>,
-    /// Of each tile, the least cosine that voxels which look there reckon with; of none, at the end, NaN.
-    cosines: Vec<f32>,
 }
 
 /// What a tile's surface is reserved by: depth at its middle pixel.
@@ -85,7 +74,6 @@ impl Tiles {
         let end = [cols.end.div_ceil(side), rows.end.div_ceil(side)];
         let (n_cols, n_rows) = (end[0].saturating_sub(first[0]), end[1].saturating_sub(first[1]));
         let mut tiles = Vec::with_capacity(n_cols * n_rows);
-        let mut cosines = Vec::with_capacity(n_cols * n_rows + 1);
         for tile_row in 0..n_rows {
             for tile_col in 0..n_cols {
                 let low = [(first[0] + tile_col) << shift, (first[1] + tile_row) << shift];
@@ -93,8 +81,8 @@ impl Tiles {
                 let row = (low[1] + side / 2).clamp(rows.start, rows.end - 1);
                 let mut tile = Tile::UNKNOWN;
                 if let Some(depth_m) = trusted.at_in_mask(col, row) {
-                    tile = planes.tile(col, row, depth_m).unwrap_or(Tile::UNKNOWN);
-                    tile.is_sure = !tile.is_unknown() && is_flat(trusted, &tile, low, side);
+                    tile = planes.tile(col, row, depth_m);
+                    tile.is_sure = is_flat(trusted, &tile, low, side);
                     seen(&Seen { col, row, depth_m });
                 } else if side >= 4 {
                     // Something thin may pass beside the middle.
@@ -105,58 +93,25 @@ impl Tiles {
                             && rows.contains(&row)
                             && let Some(depth_m) = trusted.at_in_mask(col, row)
                         {
-                            if tile.is_unknown() {
-                                tile = planes.tile(col, row, depth_m).unwrap_or(Tile::UNKNOWN);
-                                tile.is_sure = false;
-                            }
                             seen(&Seen { col, row, depth_m });
                         }
                     }
                 }
-                let (cols, rows) = (low[0]..low[0] + side, low[1]..low[1] + side);
-                tile.is_inside = trusted.is_wholly_masked(cols, rows);
-                cosines.push(if tile.is_sure { tile.cosine } else { tile.cosine.max(1.0 / EDGE_BAND) });
                 tiles.push(tile);
             }
         }
-        cosines.push(f32::NAN);
-        leave_border(&mut tiles, n_cols);
-        Tiles { shift, first, n_cols, n_rows, tiles, cosines }
+        Tiles { shift, first, n_cols, tiles }
     }
 
-    /// Position of the tile of a pixel, which may be anything; of none without one.
-    #[inline(always)]
-    pub(super) fn position(&self, col: u32, row: u32) -> u32 {
-        let (n_cols, n_rows) = (self.n_cols as u32, self.n_rows as u32);
-        let col = col.wrapping_shr(self.shift).wrapping_sub(self.first[0] as u32);
-        let row = row.wrapping_shr(self.shift).wrapping_sub(self.first[1] as u32);
-        let is_inside = (col < n_cols) & (row < n_rows);
-        if is_inside { row.wrapping_mul(n_cols).wrapping_add(col) } else { n_cols.wrapping_mul(n_rows) }
-    }
-
-    /// The tile at a position.
+    /// The tile of a pixel within the mask's bounds.
     #[inline]
-    pub(super) fn tile(&self, position: u32) -> Option<&Tile> {
-        self.tiles.get(position as usize)
-    }
-
-    /// The least cosine between ray and normal that a voxel which looks there reckons with; NaN without a tile.
-    #[inline(always)]
-    pub(super) fn cosine(&self, position: u32) -> f32 {
-        self.cosines.get(position as usize).copied().unwrap_or(f32::NAN)
-    }
-}
-
-/// Leaves as inside only the tiles all of whose eight neighbours are inside, too.
-fn leave_border(tiles: &mut [Tile], n_cols: usize) {
-    let is_whole: Vec<bool> = tiles.iter().map(|tile| tile.is_inside).collect();
-    let whole = |row: usize, col: usize| is_whole.get(row * n_cols + col) == Some(&true);
-    for (idx, tile) in tiles.iter_mut().enumerate().filter(|(_, tile)| tile.is_inside) {
-        let (row, col) = (idx / n_cols, idx % n_cols);
-        tile.is_inside = row > 0
-            && col > 0
-            && col + 1 < n_cols
-            && (row - 1..=row + 1).all(|row| (col - 1..=col + 1).all(|col| whole(row, col)));
+    pub(super) fn at(&self, u: i32, v: i32) -> Option<&Tile> {
+        let col = (u as usize >> self.shift).wrapping_sub(self.first[0]);
+        let row = (v as usize >> self.shift).wrapping_sub(self.first[1]);
+        if col >= self.n_cols {
+            return None;
+        }
+        self.tiles.get(row.wrapping_mul(self.n_cols).wrapping_add(col))
     }
 }
 
@@ -180,10 +135,8 @@ impl Tile {
         normal: Vector3::new(0.0, 0.0, -1.0),
         cosine: 1.0,
         inverse: [0.0; 3],
-        slack: 0.0,
         middle: [0.0; 2],
         is_sure: false,
-        is_inside: false,
     };
 
     pub(super) fn new(
@@ -192,21 +145,7 @@ impl Tile {
         inverse: [f32; 3],
         (col, row): (usize, usize),
     ) -> Self {
-        let slack = ON_PLANE.max(ON_PLANE_PER_M / inverse[0]);
-        Tile {
-            normal,
-            cosine,
-            inverse,
-            slack,
-            middle: [col as f32, row as f32],
-            is_sure: true,
-            is_inside: false,
-        }
-    }
-
-    /// Whether it has no plane; then nothing lies on it.
-    fn is_unknown(&self) -> bool {
-        self.inverse == [0.0; 3]
+        Tile { normal, cosine, inverse, middle: [col as f32, row as f32], is_sure: true }
     }
 
     /// Whether a pixel's depth lies on the plane.
@@ -214,6 +153,6 @@ impl Tile {
     pub(super) fn holds(&self, u: i32, v: i32, depth_m: f32) -> bool {
         let [here, by_col, by_row] = self.inverse;
         let inverse = here + by_col * (u as f32 - self.middle[0]) + by_row * (v as f32 - self.middle[1]);
-        (depth_m * inverse - 1.0).abs() <= self.slack
+        self.is_sure && (depth_m * inverse - 1.0).abs() <= ON_PLANE
     }
 }

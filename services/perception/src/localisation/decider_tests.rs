@@ -219,7 +219,7 @@ fn wheels_that_drift_lead_odometry_astray_and_not_the_scans() {
 }
 
 #[test]
-fn a_robot_that_is_carried_off_is_lost_says_so_and_is_found_again() {
+fn a_robot_that_is_carried_off_is_lost_says_so_and_is_found_once_one_place_stands_out() {
     let mut bench = Bench::with(slam([-1.0, -0.5, 0.3]), None);
     bench.twist = Twist { speed_m_s: 0.5, yaw_rate_rad_s: 0.8 };
     bench.drive(8.0);
@@ -229,8 +229,13 @@ fn a_robot_that_is_carried_off_is_lost_says_so_and_is_found_again() {
     // The wheels do not hear of it.
     bench.world_from_odom = carried * bench.world_from_base.inverse() * bench.world_from_odom;
     bench.world_from_base = carried;
+    // Two places of the room look alike from where it stands: it goes on looking, and tells none of them.
+    bench.drive(10.0);
+    let n_told = bench.poses.len();
+    assert!(n_told < 90, "{n_told} poses told, and nobody knew where it is");
+    // Somebody moves it, and one of them no longer fits.
+    bench.twist = Twist { speed_m_s: 0.3, yaw_rate_rad_s: 0.5 };
     bench.drive(5.0);
-    assert!(bench.poses.len() < 130, "a pose was told for every scan, though nobody knew it");
     assert!(bench.troubles.iter().any(|words| words.contains("lost")), "{:?}", bench.troubles);
     let (off_m, off_rad) = off(&bench);
     assert!(off_m < 0.06 && off_rad < 0.02, "{off_m} m, {off_rad} rad off");
