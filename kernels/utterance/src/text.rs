@@ -4,9 +4,11 @@
 //! linear in the text.
 
 mod repair;
+mod subject;
 
 use crate::lexicon::Lexicon;
 use repair::{push_compound, shortened, split_short_is, than_for_then, without_counts};
+use subject::spoken_to;
 
 /// Most characters an utterance may have.
 pub const CHARS_MAX: usize = 2000;
@@ -44,7 +46,7 @@ pub fn tokens(text: &str, lexicon: &Lexicon) -> Vec<Token> {
             out.push(token);
         }
     }
-    split_short_is(than_for_then(without_counts(out)), lexicon)
+    spoken_to(split_short_is(than_for_then(without_counts(out)), lexicon), lexicon)
 }
 
 fn raw_tokens(text: &str) -> Vec<Token> {
