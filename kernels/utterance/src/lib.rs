@@ -11,6 +11,7 @@ pub mod gate;
 pub mod quantity;
 
 mod answer;
+mod background;
 mod clause;
 mod combine;
 mod condition;
