@@ -119,7 +119,7 @@ fn own_name(tokens: &[Token], at: usize, lexicon: &Lexicon) -> usize {
 /// Whether a demand on somebody who moves starts at `at`: "should not go", "has to keep".
 fn is_demand(tokens: &[Token], at: usize, lexicon: &Lexicon) -> bool {
     let n_modal = match (word(tokens, at), word(tokens, at + 1)) {
-        (modal, "to") if matches!(modal, "has" | "needs" | "is" | "ought") => 2,
+        ("has" | "needs" | "is" | "ought", "to") => 2,
         ("is", "not" | "never") if word(tokens, at + 2) == "to" => 3,
         ("is", "not" | "never") if word(tokens, at + 3) == "to" => 4,
         ("is", "forbidden" | "allowed" | "free" | "permitted" | "prohibited") => 3,
