@@ -48,9 +48,10 @@ pub fn told(drafts: Vec<(Draft, &[Item])>) -> Vec<Draft> {
     let plain: Vec<Draft> = drafts.iter().map(|(draft, _)| draft.clone()).collect();
     let (mut points_back, mut is_ambiguous) = (false, false);
     for (draft, items) in drafts {
-        let goes_on = after_story && matches!(draft.join, Some(Join::And | Join::If | Join::Because));
-        let is_story =
-            is_background(items, goes_on, draft.join != Some(Join::And)) && (goes_on || may_open(&draft));
+        let goes_on =
+            after_story && matches!(draft.join, Some(Join::And | Join::But | Join::If | Join::Because));
+        let is_story = is_background(items, goes_on, !matches!(draft.join, Some(Join::And | Join::But)))
+            && (goes_on || may_open(&draft));
         after_story = is_story;
         is_ambiguous |= is_story && n_named(&draft) + draft.told.len() + draft.whereabouts.len() > 1;
         points_back |= !is_story && draft.all_names().any(|name| name.is_pronoun);
