@@ -43,6 +43,11 @@ pub fn apply(clause: &mut Clause, condition: &Draft) {
             let (near, placed): (Vec<Region>, Vec<Region>) =
                 regions.into_iter().partition(|region| region.place == Place::Near);
             if pronouns_only {
+                // "when people watch the tv, never cross in front of it": in front of which?
+                let is_sided = |region: &Region| !matches!(region.place, Place::Near | Place::On | Place::To);
+                if order.regions.iter().any(is_sided) {
+                    order.leftover.push(condition.words.clone());
+                }
                 order.names.clear();
                 order.regions.clear();
             }

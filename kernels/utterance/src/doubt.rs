@@ -19,7 +19,16 @@ use crate::speech::{Speech, speech};
 const SLACK: f64 = 1e-3;
 
 /// Words that point at no kind of thing.
-const POINTERS: [&str; 16] = [
+const POINTERS: [&str; 25] = [
+    "stroll",
+    "trot",
+    "tip",
+    "whipping",
+    "whirling",
+    "scuffing",
+    "swerving",
+    "speeding",
+    "dashing",
     "anything",
     "everything",
     "something",

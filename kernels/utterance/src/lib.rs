@@ -1,7 +1,7 @@
 //! The offline parser: active rules and words to a reply.
 //!
 //! A pure function, total and linear in the words. The way through it: `text` → `item` (with
-//! `quantity` and `lexicon`) → `segment` → `scan` → `combine` → `dialogue` or `resolve` → `answer`.
+//! `quantity` and `lexicon`) → `segment` → `scan` → (`background`) → `combine` → `dialogue` or `resolve` → `answer`.
 //! What a phrase means is data (`lexicon.toml`, `nouns.toml`, `gate.toml`). Its one promise is not
 //! that it understands, but that it does not guess: every word is consumed by a slot that means it,
 //! is a known filler, or leads to a question.
@@ -11,6 +11,7 @@ pub mod gate;
 pub mod quantity;
 
 mod answer;
+mod background;
 mod clause;
 mod combine;
 mod condition;

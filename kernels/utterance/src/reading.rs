@@ -18,7 +18,7 @@ use crate::resolve::{Trouble, resolve};
 use crate::scan::scan;
 use crate::segment::segments;
 use crate::text::{CHARS_MAX, Token, tokens};
-use crate::{answer, doubt, gate, spelling};
+use crate::{answer, background, doubt, gate, spelling};
 use settle::{repeats, settle};
 
 /// The reply to an utterance, given the rules in force.
@@ -85,18 +85,28 @@ struct Sum {
 impl Context<'_> {
     fn read(&self, tokens: &[Token], bare_unit: BareUnit, may_offer: bool) -> Reply {
         let items = items(tokens, bare_unit);
-        let drafts: Vec<Draft> = segments(&items)
-            .into_iter()
-            .map(|segment| Draft {
-                is_fresh: segment.is_fresh,
-                lead: segment.lead,
-                ..scan(&items[segment.range], segment.join)
+        let drafts = || {
+            segments(&items).into_iter().map(|segment| {
+                let range = segment.range.clone();
+                let draft = Draft {
+                    is_fresh: segment.is_fresh,
+                    lead: segment.lead,
+                    ..scan(&items[segment.range], segment.join)
+                };
+                (draft, &items[range])
             })
-            .collect();
-        let clauses = combine(drafts);
-        match self.sum(&clauses) {
-            Ok(sum) => self.conclude(sum, &clauses),
-            Err(trouble) => self.explain(trouble, tokens, may_offer),
+        };
+        let clauses = combine(drafts().map(|(draft, _)| draft).collect());
+        let trouble = match self.sum(&clauses) {
+            Ok(sum) => return self.conclude(sum, &clauses),
+            Err(trouble) => trouble,
+        };
+        let asks = !matches!(trouble, Trouble::Unsafe(_) | Trouble::Unsupported(_) | Trouble::NotSafety);
+        // What only tells may have stood in the way of what orders.
+        let second = combine(background::told(drafts().collect()));
+        match self.sum(&second).ok().filter(|sum| asks && !sum.added.is_empty()) {
+            Some(sum) => self.conclude(sum, &second),
+            None => self.explain(trouble, tokens, may_offer),
         }
     }
 
@@ -235,6 +245,19 @@ impl Context<'_> {
     }
 
     fn conclude(&self, sum: Sum, clauses: &Clauses) -> Reply {
+        // "touching the lamp could burn you, so please don't": an order half heard, and nothing to lift.
+        let forbids = |draft: &Draft| draft.is_negated() && !draft.has_any(&[Sense::Revoke, Sense::Lift]);
+        let forbids_unheard = sum.added.is_empty()
+            && sum.lifted.is_empty()
+            && sum.is_revoke
+            && (clauses.stories.iter().chain(&clauses.others).any(forbids)
+                || clauses.orders.len() > 1 && clauses.orders.iter().any(|clause| forbids(&clause.draft)));
+        if forbids_unheard {
+            return answer::clarify(
+                "I understood what is allowed, not what is forbidden. What should I heed?",
+                vec![],
+            );
+        }
         if sum.added.is_empty() && !sum.is_revoke {
             return self.nothing(&sum, clauses);
         }

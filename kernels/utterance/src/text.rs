@@ -4,9 +4,11 @@
 //! linear in the text.
 
 mod repair;
+mod subject;
 
 use crate::lexicon::Lexicon;
-use repair::{push_compound, shortened, split_short_is, than_for_then, without_counts};
+use repair::{function_words, push_compound, shortened, split_short_is, than_for_then, without_counts};
+use subject::spoken_to;
 
 /// Most characters an utterance may have.
 pub const CHARS_MAX: usize = 2000;
@@ -44,7 +46,8 @@ pub fn tokens(text: &str, lexicon: &Lexicon) -> Vec<Token> {
             out.push(token);
         }
     }
-    split_short_is(than_for_then(without_counts(out)), lexicon)
+    let repaired = function_words(than_for_then(without_counts(out)), lexicon);
+    spoken_to(split_short_is(repaired, lexicon), lexicon)
 }
 
 fn raw_tokens(text: &str) -> Vec<Token> {
@@ -91,6 +94,18 @@ fn raw_tokens(text: &str) -> Vec<Token> {
                     at += mark.map_or(0, |n| usize::try_from(n).unwrap_or(0));
                     let text = if mark.is_some() { "." } else { "," };
                     out.push(Token { text: text.into(), glued: false });
+                }
+                // "distance < 2 m", ">= 2 m"
+                '<' | '>' | '≤' | '≥' => {
+                    let equal = chars.get(at) == Some(&'=');
+                    at += usize::from(equal);
+                    let words = match c {
+                        '>' if equal => ["at", "least"],
+                        '≥' => ["at", "least"],
+                        '>' => ["more", "than"],
+                        _ => ["less", "than"],
+                    };
+                    out.extend(words.map(|word| Token { text: word.to_owned(), glued: false }));
                 }
                 '=' => out.push(Token { text: "is".into(), glued: false }),
                 '&' => out.push(Token { text: "and".into(), glued: false }),

@@ -150,7 +150,9 @@ impl Joiner {
         if goes_on && self.last == Last::Reason && !draft.names.is_empty() && draft.regions.is_empty() {
             // "stay off the tiles, they are wet, and the rug": more of the reason, or of the order?
             let of_order = draft.join == Some(Join::And)
-                && self.out.stories.last().is_some_and(|story| story.join != Some(Join::Because))
+                && self.out.stories.last().is_some_and(|story| {
+                    story.join != Some(Join::Because) || story.names.iter().any(|name| name.is_pronoun)
+                })
                 && !self.out.orders.is_empty();
             if of_order {
                 self.out.unclaimed.extend(draft.names);

@@ -168,6 +168,10 @@ impl Joiner {
             self.out.stories.push(draft);
             return;
         }
+        // "gravel sprays about. when near the beds, …": what waited is not what the order is about.
+        if self.last == Last::Names && draft.regions.iter().any(|region| !region.names.is_empty()) {
+            self.out.unclaimed.append(&mut self.waiting_names);
+        }
         if has_target && !draft.is_fresh && self.last == Last::Order {
             self.apply_condition(&draft);
         } else {

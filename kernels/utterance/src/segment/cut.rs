@@ -154,6 +154,21 @@ fn cut_by_start(
         || item.is_any(&[Sense::Avoid, Sense::Careful]) && !item.is(Sense::PrepNear)
         || item.is(Sense::StayOff) && ["stay", "keep"].iter().any(|verb| item.text.starts_with(verb))
         || item.is(Sense::Neg) && matches!(item.text.as_str(), "do not" | "never");
+    // "get to the dock without touching the crates": a task, and what to heed on the way.
+    let besides = item.text == "without"
+        && next.is_some_and(|n| {
+            n.is_any(&[
+                Sense::VerbTouch,
+                Sense::VerbOn,
+                Sense::VerbNear,
+                Sense::VerbPast,
+                Sense::VerbBlock,
+                Sense::VerbWake,
+            ]) || n.is(Sense::Motion)
+        });
+    if besides && named && !earlier.ordered && before.is_some_and(Item::is_word) {
+        return Some((Join::And, true));
+    }
     let forbids = item.is(Sense::Neg) && matches!(item.text.as_str(), "do not" | "never");
     if earlier.ordered && named && forbids && before.is_some_and(|b| b.is_word() || b.is(Sense::Pronoun)) {
         return Some((Join::And, true));

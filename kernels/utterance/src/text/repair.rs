@@ -62,6 +62,53 @@ pub(super) fn than_for_then(mut tokens: Vec<Token>) -> Vec<Token> {
     tokens
 }
 
+/// "away form the bed", "not under it nor behind it", "for the first ten minutes": words that stand for others.
+pub(super) fn function_words(tokens: Vec<Token>, lexicon: &Lexicon) -> Vec<Token> {
+    let mut out: Vec<Token> = Vec::with_capacity(tokens.len());
+    let mut is_negated = false;
+    for (at, token) in tokens.iter().enumerate() {
+        let before = out.last().map_or("", |before: &Token| before.text.as_str());
+        let next = tokens.get(at + 1).map_or("", |next| next.text.as_str());
+        is_negated |= matches!(token.text.as_str(), "not" | "never");
+        is_negated &= !matches!(token.text.as_str(), "." | "neither");
+        let place = || {
+            lexicon.senses_at(&tokens, at + 1).is_some_and(|(senses, _)| {
+                senses.iter().any(|sense| {
+                    matches!(
+                        sense,
+                        Sense::PrepOn
+                            | Sense::PrepNear
+                            | Sense::PrepUnder
+                            | Sense::PrepBehind
+                            | Sense::PrepBetween
+                    )
+                })
+            })
+        };
+        let text = match token.text.as_str() {
+            "form"
+                if matches!(next, "the" | "my" | "any" | "a" | "it" | "them" | "all") && before != "the" =>
+            {
+                "from"
+            }
+            "nor" if is_negated && place() => "or",
+            _ => token.text.as_str(),
+        };
+        let counts = |idx: usize| {
+            tokens.get(idx).is_some_and(|next| {
+                next.text.starts_with(|c: char| c.is_ascii_digit())
+                    || crate::number::is_number_word(&next.text)
+            })
+        };
+        let opens_time = before == "for" && token.text == "the" && next == "first" && counts(at + 2)
+            || token.text == "first" && at > 1 && tokens[at - 1].text == "the" && before == "for";
+        if !opens_time {
+            out.push(Token { text: text.to_owned(), glued: token.glued });
+        }
+    }
+    out
+}
+
 /// "the rug's gone", "its still wet": an "is" when a state follows, else a possessor.
 pub(super) fn split_short_is(tokens: Vec<Token>, lexicon: &Lexicon) -> Vec<Token> {
     let mut out = Vec::with_capacity(tokens.len());
