@@ -27,14 +27,27 @@ struct Bench {
     rules: RuleSet,
 }
 
-impl Bench {
-    async fn new() -> Bench {
+/// A bus that listens, and where: the port is free when it is found, and may be another's when it is wanted.
+async fn listening() -> (Bus, String) {
+    let mut n_tries = 0;
+    loop {
+        n_tries += 1;
         let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         let endpoint = format!("tcp/127.0.0.1:{port}");
         let network = Network { mode: "peer".into(), listen: vec![endpoint.clone()], ..Network::default() };
-        let session = service::session::open(&network, Path::new(".")).await.unwrap();
-        let robot = Segment::new("r1").unwrap();
-        let bus = Bus::new(session, robot, Clock::start(), Counters::default());
+        match service::session::open(&network, Path::new(".")).await {
+            Ok(session) => {
+                let robot = Segment::new("r1").unwrap();
+                return (Bus::new(session, robot, Clock::start(), Counters::default()), endpoint);
+            }
+            Err(e) => assert!(n_tries < 20, "{e:#}"),
+        }
+    }
+}
+
+impl Bench {
+    async fn new() -> Bench {
+        let (bus, endpoint) = listening().await;
         let inbox = Inbox::new();
         bus.subscribe(&topics::REPLY, &inbox, 64, |received| Heard::Reply(received.message)).await.unwrap();
         bus.subscribe(&topics::RULES, &inbox, 64, |received| Heard::Rules(received.message)).await.unwrap();

@@ -331,6 +331,9 @@ pub(crate) fn most(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
+/// One step of the sequences: draws of turns and gains, what is held, scale and limit of both.
+type Drawn<'a> = ([&'a [f32]; 2], [f32; 2], [f32; 2], [f32; 2]);
+
 // Each loop reads and writes arrays that are arguments of their own: only then does the compiler know that
 // they do not overlap, and makes vectors of them.
 
@@ -339,7 +342,7 @@ pub(crate) fn most(a: f32, b: f32) -> f32 {
 fn step_lanes<M: Model, const FUSED: bool>(
     n: usize,
     model: M,
-    ([turn_draws, gain_draws], held, scale, limit): ([&[f32]; 2], [f32; 2], [f32; 2], [f32; 2]),
+    ([turn_draws, gain_draws], held, scale, limit): Drawn<'_>,
     x: &mut [f32; N],
     y: &mut [f32; N],
     sin: &mut [f32; N],
