@@ -3,7 +3,7 @@
 //! Time outside, lanes inside: each loop over lanes is one that the compiler turns into vectors. Places are
 //! counted in cells from the cell of the start, so that f32 is exact enough on any map. Sequences are sampled
 //! here too, from an incumbent and the draws of the tick, and never stored. How a robot moves and what a margin
-//! is worth is a [`Model`]'s business; the standard problem and the filter that drives each have one.
+//! is worth is a [`Model`]'s business; the standard problem has the one there is.
 
 use super::isa::{Work, fused};
 use super::merge::Merged;
@@ -23,10 +23,6 @@ pub(crate) fn padded(n_samples: usize) -> usize {
 
 /// How one robot moves, lane by lane and without branches. Every function must be `#[inline(always)]`.
 pub(crate) trait Model: Copy {
-    /// Whether segments lose margin between their ends, and plans along their way; else only places count.
-    const LOSES: bool;
-    /// Whether the grid of words wraps around at 256 cells a side.
-    const WRAPS: bool;
     /// What one step does to a lane.
     fn step<const FUSED: bool>(&self, speed_m_s: f32, turn_rad: f32, gain_m_s: f32) -> Step;
     /// What the two margins at a place are worth at a speed, metres.
@@ -35,12 +31,8 @@ pub(crate) trait Model: Copy {
 
 /// One step of one lane.
 pub(crate) struct Step {
-    /// Cells moved ahead, in the heading before the step.
+    /// Cells moved, in the heading before the step.
     pub along: f32,
-    /// Cells moved to the left of it.
-    pub aside: f32,
-    /// Cells of path.
-    pub length: f32,
     /// Cosine and sine of the turn.
     pub turn_cos: f32,
     pub turn_sin: f32,
@@ -48,9 +40,6 @@ pub(crate) struct Step {
     pub speed_m_s: f32,
     /// The most that the controls alone leave.
     pub bound_m: f32,
-    /// What is lost on the segment, and what the tube grows by; both zero unless [`Model::LOSES`].
-    pub loss_m: f32,
-    pub growth_m: f32,
 }
 
 /// Where all lanes start; places in cells from the lower left corner of the start's cell.
@@ -61,10 +50,8 @@ pub(crate) struct From {
     pub sin: f32,
     pub cos: f32,
     pub speed_m_s: f32,
-    /// What is kept already, and the margin at the start.
+    /// What is kept already.
     pub kept_m: f32,
-    pub here_m: f32,
-    pub tube_m: f32,
 }
 
 /// The grid of words under the lanes; the lower half of a word is the margin to what must be kept clear of, the
@@ -98,8 +85,6 @@ pub(crate) struct Sampled<'a> {
     pub scale: [f32; 2],
     /// Largest turn (radians) and gain (m/s) of a step.
     pub limit: [f32; 2],
-    /// Steps of full straight braking after them, while a lane moves.
-    pub n_tail: usize,
 }
 
 /// Rolls `n` lanes out; what each keeps goes to `kept_m`, to the rounding of f32 and of the words.
@@ -122,31 +107,22 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Sweep { model, ground, from, sampled, n: n_all, floor_m, kept_m } = self;
-        let Sampled { held, draws: [turn_draws, gain_draws], n_lanes, scale, limit, n_tail } = sampled;
-        let n_steps = held.len();
+        let Sampled { held, draws: [turn_draws, gain_draws], n_lanes, scale, limit } = sampled;
         for first in (0..n_all).step_by(N) {
             let n = (n_all - first).min(N);
             let mut pass = Pass::at(from, n.next_multiple_of(N_VECTOR).min(N));
-            for step in 0..n_steps + n_tail {
-                let is_tail = step >= n_steps;
-                let at = step.min(n_steps - 1) * n_lanes + first;
+            for (step, held) in held.iter().enumerate() {
+                let at = step * n_lanes + first;
                 let draws = [&turn_draws[at..at + pass.n], &gain_draws[at..at + pass.n]];
-                let (held, scale) = if is_tail { ([0.0, -limit[1]], [0.0; 2]) } else { (held[step], scale) };
-                pass.advance::<M, FUSED>(model, &ground, draws, held, scale, limit);
-                if FULL {
-                    pass.load(&ground, n);
-                    if pass.judge::<M, FUSED>(model, &ground) != 0 {
-                        pass.settle_ridges::<M>(model, &ground, n);
+                pass.advance::<M, FUSED>(model, &ground, draws, *held, scale, limit);
+                if !FULL {
+                    let state = pass.room(ground.slope_m, floor_m);
+                    if state & ALIVE == 0 {
+                        break;
                     }
-                    continue;
-                }
-                let state = pass.room::<M>(ground.slope_m, floor_m);
-                if state & ALIVE == 0 || (is_tail && state & MOVING == 0) {
-                    break;
-                }
-                if state & READS == 0 {
-                    pass.here_m = [f32::INFINITY; N];
-                    continue;
+                    if state & READS == 0 {
+                        continue;
+                    }
                 }
                 pass.load(&ground, n);
                 if pass.judge::<M, FUSED>(model, &ground) != 0 {
@@ -162,8 +138,6 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
 const ALIVE: u32 = 1;
 /// Some such lane may be lowered by what the words say here.
 const READS: u32 = 2;
-/// Some such lane moves.
-const MOVING: u32 = 4;
 
 /// The lanes of one pass.
 struct Pass {
@@ -174,12 +148,8 @@ struct Pass {
     cos: [f32; N],
     speed_m_s: [f32; N],
     kept_m: [f32; N],
-    /// The margin at the last place.
-    here_m: [f32; N],
-    tube_m: [f32; N],
-    /// What the controls of this step leave, and what is lost on it.
+    /// What the controls of this step leave.
     bound_m: [f32; N],
-    lost_m: [f32; N],
     /// Cells moved in this step.
     moved: [f32; N],
     /// Neither margin can be below this, metres.
@@ -203,10 +173,7 @@ impl Pass {
             cos: [from.cos; N],
             speed_m_s: [from.speed_m_s; N],
             kept_m: [from.kept_m; N],
-            here_m: [from.here_m; N],
-            tube_m: [from.tube_m; N],
             bound_m: [f32::INFINITY; N],
-            lost_m: [0.0; N],
             moved: [0.0; N],
             room_m: [f32::NEG_INFINITY; N],
             share_x: [0.0; N],
@@ -240,31 +207,20 @@ impl Pass {
             &mut self.cos,
             &mut self.speed_m_s,
             &mut self.bound_m,
-            &mut self.lost_m,
-            &mut self.tube_m,
             &mut self.moved,
         );
-        place_lanes::<M>(
-            n,
-            ground,
-            &mut self.share_x,
-            &mut self.share_y,
-            &mut self.cell_idx,
-            &self.x,
-            &self.y,
-        );
+        place_lanes(n, ground, &mut self.share_x, &mut self.share_y, &mut self.cell_idx, &self.x, &self.y);
     }
 
     /// Lowers what lanes keep to what their controls leave; what is to be done about the rest.
     #[inline(always)]
-    fn room<M: Model>(&mut self, slope_m: f32, floor_m: f32) -> u32 {
-        room_lanes::<M>(
+    fn room(&mut self, slope_m: f32, floor_m: f32) -> u32 {
+        room_lanes(
             self.n.min(N),
             &mut self.room_m,
             &mut self.kept_m,
             &self.moved,
             &self.bound_m,
-            &self.lost_m,
             slope_m,
             floor_m,
         )
@@ -290,11 +246,9 @@ impl Pass {
             self.n.min(N),
             model,
             &mut self.kept_m,
-            &mut self.here_m,
             &mut self.room_m,
             &mut self.ridge,
             &self.bound_m,
-            &self.lost_m,
             (&self.clear, &self.slow),
             &self.share_x,
             &self.share_y,
@@ -349,8 +303,6 @@ fn step_lanes<M: Model, const FUSED: bool>(
     cos: &mut [f32; N],
     speed_m_s: &mut [f32; N],
     bound_m: &mut [f32; N],
-    lost_m: &mut [f32; N],
-    tube_m: &mut [f32; N],
     moved: &mut [f32; N],
 ) {
     let (turn_draws, gain_draws) = (&turn_draws[..n], &gain_draws[..n]);
@@ -360,25 +312,18 @@ fn step_lanes<M: Model, const FUSED: bool>(
         let (turn, gain) = (sampled(turn_draws[lane], 0), sampled(gain_draws[lane], 1));
         let step = model.step::<FUSED>(speed_m_s[lane], turn, gain);
         let (s, c) = (sin[lane], cos[lane]);
-        let (ahead_x, ahead_y) =
-            (fused::<FUSED>(step.along, c, x[lane]), fused::<FUSED>(step.along, s, y[lane]));
-        x[lane] = if M::LOSES { fused::<FUSED>(-step.aside, s, ahead_x) } else { ahead_x };
-        y[lane] = if M::LOSES { fused::<FUSED>(step.aside, c, ahead_y) } else { ahead_y };
+        x[lane] = fused::<FUSED>(step.along, c, x[lane]);
+        y[lane] = fused::<FUSED>(step.along, s, y[lane]);
         sin[lane] = fused::<FUSED>(s, step.turn_cos, c * step.turn_sin);
         cos[lane] = fused::<FUSED>(c, step.turn_cos, -s * step.turn_sin);
         speed_m_s[lane] = step.speed_m_s;
         bound_m[lane] = step.bound_m;
-        moved[lane] = step.length;
-        if M::LOSES {
-            let tube = tube_m[lane] + step.growth_m;
-            tube_m[lane] = tube;
-            lost_m[lane] = step.loss_m + tube;
-        }
+        moved[lane] = step.along;
     }
 }
 
 #[inline(always)]
-fn place_lanes<M: Model>(
+fn place_lanes(
     n: usize,
     ground: &Ground<'_>,
     share_x: &mut [f32; N],
@@ -397,24 +342,18 @@ fn place_lanes<M: Model>(
         let (col, row) = ((inside_x - 0.5) + ROUNDER, (inside_y - 0.5) + ROUNDER);
         share_x[lane] = inside_x - (col - ROUNDER);
         share_y[lane] = inside_y - (row - ROUNDER);
-        cell_idx[lane] = if M::WRAPS {
-            let (col, row) = (whole(col).wrapping_add(first_col), whole(row).wrapping_add(first_row));
-            ((row & 0xFF) << 8) | (col & 0xFF)
-        } else {
-            whole(row).wrapping_mul(n_cols).wrapping_add(whole(col)).wrapping_add(first_idx)
-        };
+        cell_idx[lane] = whole(row).wrapping_mul(n_cols).wrapping_add(whole(col)).wrapping_add(first_idx);
     }
 }
 
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
-fn room_lanes<M: Model>(
+fn room_lanes(
     n: usize,
     room_m: &mut [f32; N],
     kept_m: &mut [f32; N],
     moved: &[f32; N],
     bound_m: &[f32; N],
-    lost_m: &[f32; N],
     slope_m: f32,
     floor_m: f32,
 ) -> u32 {
@@ -424,11 +363,9 @@ fn room_lanes<M: Model>(
         room_m[lane] = room;
         let kept = least(kept_m[lane], bound_m[lane]);
         kept_m[lane] = kept;
-        let left = if M::LOSES { room - lost_m[lane] } else { room };
         let is_alive = kept > floor_m;
         state |= if is_alive { ALIVE } else { 0 };
-        state |= if is_alive & (left < kept) { READS } else { 0 };
-        state |= if is_alive & (moved[lane] > 0.0) { MOVING } else { 0 };
+        state |= if is_alive & (room < kept) { READS } else { 0 };
     }
     state
 }
@@ -439,11 +376,9 @@ fn judge_lanes<M: Model, const FUSED: bool>(
     n: usize,
     model: M,
     kept_m: &mut [f32; N],
-    here_m: &mut [f32; N],
     room_m: &mut [f32; N],
     ridge: &mut [u32; N],
     bound_m: &[f32; N],
-    lost_m: &[f32; N],
     (clear, slow): (&[u32; N], &[u32; N]),
     share_x: &[f32; N],
     share_y: &[f32; N],
@@ -459,17 +394,11 @@ fn judge_lanes<M: Model, const FUSED: bool>(
         // Not the loaded value itself is chosen from: that would make a masked store, which the next load waits for.
         let kept = least(kept_m[lane], bound_m[lane]);
         room_m[lane] = least(clear_m, slow_m);
-        if M::LOSES {
-            // What such robots read is never a ridge: their words are bounds already.
-            kept_m[lane] = least(kept, least(here_m[lane], worth_m) - lost_m[lane]);
-            here_m[lane] = worth_m;
-        } else {
-            let lowers = if worth_m < kept { 1 } else { 0 };
-            let is_ridge = (clear >> 31) & lowers;
-            ridge[lane] = is_ridge;
-            ridges |= is_ridge;
-            kept_m[lane] = if is_ridge != 0 { kept } else { least(kept, worth_m) };
-        }
+        let lowers = if worth_m < kept { 1 } else { 0 };
+        let is_ridge = (clear >> 31) & lowers;
+        ridge[lane] = is_ridge;
+        ridges |= is_ridge;
+        kept_m[lane] = if is_ridge != 0 { kept } else { least(kept, worth_m) };
     }
     ridges
 }

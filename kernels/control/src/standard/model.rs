@@ -18,9 +18,6 @@ pub(crate) const GAIN_MAX: f32 = (ACCEL_M_S2_MAX * STEP_S) as f32;
 pub(crate) struct Euler;
 
 impl Model for Euler {
-    const LOSES: bool = false;
-    const WRAPS: bool = false;
-
     #[inline(always)]
     fn step<const FUSED: bool>(&self, speed_m_s: f32, turn_rad: f32, gain_m_s: f32) -> Step {
         let cells = speed_m_s * CELLS_PER_SPEED;
@@ -28,8 +25,6 @@ impl Model for Euler {
         let speed_m_s = most(least(speed_m_s + gain_m_s, SPEED_M_S_MAX as f32), 0.0);
         Step {
             along: cells,
-            aside: 0.0,
-            length: cells,
             // Taylor; a step turns by 0.05 rad at most: error below 1e-10.
             turn_cos: fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 24.0, -0.5), 1.0),
             turn_sin: turn_rad * fused::<FUSED>(square, fused::<FUSED>(square, 1.0 / 120.0, -1.0 / 6.0), 1.0),
@@ -38,8 +33,6 @@ impl Model for Euler {
                 SPEED_M_S_LIMIT as f32 - speed_m_s,
                 YAW_RATE_RAD_S_LIMIT as f32 - turn_rad.abs() * (1.0 / STEP_S) as f32,
             ),
-            loss_m: 0.0,
-            growth_m: 0.0,
         }
     }
 

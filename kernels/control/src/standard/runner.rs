@@ -235,16 +235,13 @@ impl<'s> StandardFilter<'s> {
         }
         let (sin, cos) = start[2].sin_cos();
         let (ground, [x, y]) = self.field.ground(start);
-        let infinity = f32::INFINITY;
         let from = From {
             x,
             y,
             sin: sin as f32,
             cos: cos as f32,
             speed_m_s: start[3] as f32,
-            kept_m: infinity,
-            here_m: infinity,
-            tube_m: 0.0,
+            kept_m: f32::INFINITY,
         };
         let sampled = Sampled {
             held,
@@ -252,7 +249,6 @@ impl<'s> StandardFilter<'s> {
             n_lanes: self.noise.n_lanes(),
             scale: [(SIGMA_YAW_RATE_RAD_S * STEP_S) as f32, (SIGMA_ACCEL_M_S2 * STEP_S) as f32],
             limit: [TURN_MAX, GAIN_MAX],
-            n_tail: 0,
         };
         let n = self.sampling.n_samples;
         self.isa.run(Sweep::<_, FULL> { model: Euler, ground, from, sampled, n, floor_m, kept_m });
