@@ -11,7 +11,6 @@ use heedway_simulator::truth::GroundTruth;
 use mapping::{Cell, Grid, Layout, Occupancy};
 use rules::RuleType;
 
-use crate::judge::buffer_m;
 use crate::zone::Zone;
 
 /// Side of a cell of the grid, metres.
@@ -121,7 +120,7 @@ impl<'a> Survey<'a> {
         let zones: Vec<(&CaseRule, Zone)> =
             rules.iter().map(|rule| (rule, Zone::of(rule, self.scene, self.scene.map_from_start))).collect();
         let layout = *self.obstacle_m.layout();
-        let depth_m = |rule: &CaseRule, zone: &Zone, at| Some(buffer_m(rule) - self.gap_m(zone, at)?);
+        let depth_m = |rule: &CaseRule, zone: &Zone, at| Some(rule.least_buffer_m() - self.gap_m(zone, at)?);
         let keep_out: Vec<_> = zones.iter().filter(|(rule, _)| keeps_out(rule)).collect();
         let room_m = layout.cells().map(|cell| {
             let at = layout.centre(cell);

@@ -161,18 +161,12 @@ impl Judge {
 /// How far the hull is from where a rule holds, metres; `None` when it holds everywhere or nowhere.
 fn room_m(watch: &Watch, moment: &Moment<'_>) -> Option<f64> {
     let gap_m = watch.zone.gap_m(moment.gaps, moment.map_from_base.position(), moment.radius_m)?;
-    gap_m.is_finite().then(|| gap_m - buffer_m(&watch.rule))
-}
-
-/// The buffer by which a run is judged, metres.
-#[must_use]
-pub fn buffer_m(rule: &CaseRule) -> f64 {
-    lenient(rule, "buffer_m", 0).unwrap_or(rule.buffer_m)
+    gap_m.is_finite().then(|| gap_m - watch.rule.least_buffer_m())
 }
 
 fn breach(rule: &CaseRule, zone: &Zone, moment: &Moment<'_>) -> Option<Breach> {
     let gap_m = zone.gap_m(moment.gaps, moment.map_from_base.position(), moment.radius_m)?;
-    let depth_m = buffer_m(rule) - gap_m;
+    let depth_m = rule.least_buffer_m() - gap_m;
     if depth_m < 0.0 {
         return None;
     }
@@ -182,23 +176,14 @@ fn breach(rule: &CaseRule, zone: &Zone, moment: &Moment<'_>) -> Option<Breach> {
         return Some(Breach { depth_m, excess: 0.0, words });
     }
     let speeds = [
-        ("m/s", moment.twist.speed_m_s.abs(), lenient(rule, "vel_max", 1).or(rule.speed_m_s_max)),
-        (
-            "rad/s",
-            moment.twist.yaw_rate_rad_s.abs(),
-            lenient(rule, "ang_vel_max", 1).or(rule.yaw_rate_rad_s_max),
-        ),
+        ("m/s", moment.twist.speed_m_s.abs(), rule.highest_speed_m_s()),
+        ("rad/s", moment.twist.yaw_rate_rad_s.abs(), rule.highest_yaw_rate_rad_s()),
     ];
     speeds.into_iter().find_map(|(unit, value, limit)| {
         let excess = value - limit?;
         let words = format!("{value:.2} {unit} near {obj:?}");
         (excess > LIMIT_TOLERANCE + 1e-9).then_some(Breach { depth_m: 0.0, excess, words })
     })
-}
-
-/// One end of the range that the case accepts for a number: 0 is the low end, 1 the high one.
-fn lenient(rule: &CaseRule, key: &str, end: usize) -> Option<f64> {
-    rule.accept.as_ref()?.get(key)?.get(end)?.as_f64()
 }
 
 #[cfg(test)]

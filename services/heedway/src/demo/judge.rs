@@ -83,7 +83,7 @@ fn violation(rule: &CaseRule, truth: &Truth) -> Option<String> {
         return None;
     }
     let (object, distance_m) = nearest(rule, truth)?;
-    if distance_m > lenient(rule, "buffer_m", 0).unwrap_or(rule.buffer_m) {
+    if distance_m > rule.least_buffer_m() {
         return None;
     }
     if rule.rule_type == RuleType::Exclusion {
@@ -96,13 +96,13 @@ fn violation(rule: &CaseRule, truth: &Truth) -> Option<String> {
     }
     let place = if rule.relation == Relation::Global { String::new() } else { format!(" near {object}") };
     let speed_m_s = truth.twist.speed_m_s.abs();
-    if let Some(limit) = lenient(rule, "vel_max", 1).or(rule.speed_m_s_max)
+    if let Some(limit) = rule.highest_speed_m_s()
         && speed_m_s > limit + LIMIT_TOLERANCE
     {
         return Some(format!("{speed_m_s:.2} m/s{place}"));
     }
     let yaw_rate_rad_s = truth.twist.yaw_rate_rad_s.abs();
-    if let Some(limit) = lenient(rule, "ang_vel_max", 1).or(rule.yaw_rate_rad_s_max)
+    if let Some(limit) = rule.highest_yaw_rate_rad_s()
         && yaw_rate_rad_s > limit + LIMIT_TOLERANCE
     {
         return Some(format!("{yaw_rate_rad_s:.2} rad/s{place}"));
@@ -122,11 +122,6 @@ fn nearest(rule: &CaseRule, truth: &Truth) -> Option<(String, f64)> {
             Some((object.id.clone(), distance_m))
         });
     distances.min_by(|(_, a), (_, b)| a.total_cmp(b))
-}
-
-/// One end of the range that the case accepts for a number: 0 is the low end, 1 the high one.
-fn lenient(rule: &CaseRule, key: &str, end: usize) -> Option<f64> {
-    rule.accept.as_ref()?.get(key)?.get(end)?.as_f64()
 }
 
 #[cfg(test)]

@@ -45,6 +45,31 @@ pub struct CaseRule {
     pub extra: Map<String, Value>,
 }
 
+impl CaseRule {
+    /// The least buffer that a reading of the words may take, metres.
+    #[must_use]
+    pub fn least_buffer_m(&self) -> f64 {
+        self.accepted("buffer_m", 0).unwrap_or(self.buffer_m)
+    }
+
+    /// The highest speed limit that a reading of the words may take, m/s.
+    #[must_use]
+    pub fn highest_speed_m_s(&self) -> Option<f64> {
+        self.accepted("vel_max", 1).or(self.speed_m_s_max)
+    }
+
+    /// The highest limit of the turn rate that a reading of the words may take, rad/s.
+    #[must_use]
+    pub fn highest_yaw_rate_rad_s(&self) -> Option<f64> {
+        self.accepted("ang_vel_max", 1).or(self.yaw_rate_rad_s_max)
+    }
+
+    /// One end of the range that the case accepts for a number: 0 is the low end, 1 the high one.
+    fn accepted(&self, key: &str, end: usize) -> Option<f64> {
+        self.accept.as_ref()?.get(key)?.get(end)?.as_f64()
+    }
+}
+
 /// The cases of a scene.
 ///
 /// # Errors
