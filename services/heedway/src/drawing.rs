@@ -4,7 +4,9 @@ use anyhow::anyhow;
 use geometry::Point2;
 use heedway_simulator::scene::{Object, Scene};
 use heedway_simulator::solid::{Area, Band, Solid};
-use plotters::style::FontStyle;
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
 use proto::GridLayout;
 
 /// Corners of the polygon that a disc is drawn as.
@@ -12,6 +14,55 @@ const N_DISC_CORNERS: usize = 24;
 
 /// One outline, closed.
 pub type Outline = Vec<(f64, f64)>;
+
+/// A chart of the floor, metres in `map`.
+pub type Map<'a> = ChartContext<'a, BitMapBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// An empty chart of a floor with its axes, under a caption of so many pixels; `x` and `y` are what is shown, metres.
+///
+/// # Errors
+/// When it cannot be drawn.
+pub fn map<'a>(
+    area: &DrawingArea<BitMapBackend<'a>, Shift>,
+    (caption, caption_px): (&str, u32),
+    (x, y): (std::ops::Range<f64>, std::ops::Range<f64>),
+) -> anyhow::Result<Map<'a>> {
+    let mut chart = ChartBuilder::on(area)
+        .caption(caption, ("sans-serif", caption_px))
+        .margin(12)
+        .margin_right(18)
+        .x_label_area_size(46)
+        .y_label_area_size(56)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .x_desc("x (m)")
+        .y_desc("y (m)")
+        .label_style(("sans-serif", 16))
+        .axis_desc_style(("sans-serif", 17))
+        .draw()?;
+    Ok(chart)
+}
+
+/// Draws the floor's border and what stands on it.
+///
+/// # Errors
+/// When it cannot be drawn.
+pub fn draw_scene(chart: &mut Map<'_>, scene: &Scene) -> anyhow::Result<()> {
+    chart.draw_series([PathElement::new(floor_outline(scene), BLACK.stroke_width(2))])?;
+    for object in &scene.objects {
+        let [r, g, b] = object.rgb.unwrap_or([150, 150, 150]);
+        let parts = object_outlines(object);
+        let fill = RGBColor(r, g, b).mix(0.30).filled();
+        chart.draw_series(parts.iter().map(|part| Polygon::new(part.clone(), fill)))?;
+        if has_edges(object) {
+            let edge = RGBColor(r / 2, g / 2, b / 2).mix(0.8).stroke_width(1);
+            chart.draw_series(parts.into_iter().map(|part| PathElement::new(part, edge)))?;
+        }
+    }
+    Ok(())
+}
 
 /// The border of the floor.
 #[must_use]

@@ -6,10 +6,9 @@
 use std::path::Path;
 
 use anyhow::Context;
-use heedway_cli::drawing::{Outline, bounds, cell_box, floor_outline, has_edges, object_outlines, use_fonts};
+use heedway_cli::drawing::{self, Map, Outline, bounds, cell_box, use_fonts};
 use heedway_simulator::scene::Scene;
 use plotters::coord::Shift;
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use proto::CellSet;
 
@@ -29,8 +28,6 @@ const BORDER_M: f64 = 0.2;
 
 const OURS: RGBColor = RGBColor(31, 99, 210);
 const BOXES: RGBColor = RGBColor(148, 80, 190);
-
-type Map<'a> = ChartContext<'a, BitMapBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// The runs of one method in one environment.
 pub struct Runs {
@@ -71,22 +68,9 @@ pub fn write(file: &Path, scene: &Scene, caption: &str, all: &[Runs]) -> anyhow:
         root.fill(&WHITE)?;
         let (map, legend) = root.split_vertically(map_height);
         let (x, y) = (low.x - BORDER_M..high.x + BORDER_M, low.y - BORDER_M..high.y + BORDER_M);
-        let mut chart = ChartBuilder::on(&map)
-            .caption(caption, ("sans-serif", 24))
-            .margin(12)
-            .margin_right(18)
-            .x_label_area_size(46)
-            .y_label_area_size(56)
-            .build_cartesian_2d(x, y)?;
-        chart
-            .configure_mesh()
-            .disable_mesh()
-            .x_desc("x (m)")
-            .y_desc("y (m)")
-            .label_style(("sans-serif", 16))
-            .axis_desc_style(("sans-serif", 17))
-            .draw()?;
-        draw_scene(&mut chart, scene)?;
+        let mut chart = drawing::map(&map, (caption, 24), (x, y))?;
+        draw_walls(&mut chart, scene)?;
+        drawing::draw_scene(&mut chart, scene)?;
         for (method, colour) in [(Method::SafeLang, BOXES), (Method::SmoothBlending, OURS)] {
             let first = all.iter().find(|runs| runs.method == method).and_then(|runs| runs.runs.first());
             for region in first.map_or(&[][..], |(trace, _)| trace.regions.as_slice()) {
@@ -104,20 +88,9 @@ pub fn write(file: &Path, scene: &Scene, caption: &str, all: &[Runs]) -> anyhow:
     image.save_with_format(file, image::ImageFormat::Png).with_context(|| format!("write {}", file.display()))
 }
 
-fn draw_scene(chart: &mut Map<'_>, scene: &Scene) -> anyhow::Result<()> {
-    let walls = scene.walls.iter().flat_map(heedway_cli::drawing::solid_outlines);
+fn draw_walls(chart: &mut Map<'_>, scene: &Scene) -> anyhow::Result<()> {
+    let walls = scene.walls.iter().flat_map(drawing::solid_outlines);
     chart.draw_series(walls.map(|wall: Outline| Polygon::new(wall, RGBColor(70, 70, 70).filled())))?;
-    chart.draw_series([PathElement::new(floor_outline(scene), BLACK.stroke_width(2))])?;
-    for object in &scene.objects {
-        let [r, g, b] = object.rgb.unwrap_or([150, 150, 150]);
-        let parts = object_outlines(object);
-        let fill = RGBColor(r, g, b).mix(0.30).filled();
-        chart.draw_series(parts.iter().map(|part| Polygon::new(part.clone(), fill)))?;
-        if has_edges(object) {
-            let edge = RGBColor(r / 2, g / 2, b / 2).mix(0.8).stroke_width(1);
-            chart.draw_series(parts.into_iter().map(|part| PathElement::new(part, edge)))?;
-        }
-    }
     Ok(())
 }
 

@@ -8,12 +8,11 @@ use std::path::Path;
 use anyhow::Context;
 use geometry::Point2;
 use heedway_simulator::scene::Scene;
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use proto::{BaseMap, CellSet};
 
 use super::record::Record;
-use crate::drawing::{self, cell_box};
+use crate::drawing::{self, Map, cell_box};
 
 /// Width of the picture, pixels.
 const WIDTH_PX: u32 = 1200;
@@ -35,8 +34,6 @@ const WITH: RGBColor = RGBColor(34, 139, 34);
 const REGION: RGBColor = RGBColor(31, 99, 210);
 const OCCUPIED: RGBColor = RGBColor(70, 70, 70);
 const UNKNOWN: RGBColor = RGBColor(214, 214, 214);
-
-type Map<'a> = ChartContext<'a, BitMapBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Draws the picture and writes it as PNG.
 ///
@@ -78,23 +75,9 @@ fn draw_map(
     let (low, high) = drawing::bounds(scene);
     let (x, y) = (low.x - BORDER_M..high.x + BORDER_M, low.y - BORDER_M..high.y + BORDER_M);
     let shown: String = words.chars().take(N_WORDS_CHARS).collect();
-    let mut chart = ChartBuilder::on(area)
-        .caption(format!("“{shown}”"), ("sans-serif", 26))
-        .margin(12)
-        .margin_right(18)
-        .x_label_area_size(46)
-        .y_label_area_size(56)
-        .build_cartesian_2d(x, y)?;
-    chart
-        .configure_mesh()
-        .disable_mesh()
-        .x_desc("x (m)")
-        .y_desc("y (m)")
-        .label_style(("sans-serif", 16))
-        .axis_desc_style(("sans-serif", 17))
-        .draw()?;
+    let mut chart = drawing::map(area, (&format!("“{shown}”"), 26), (x, y))?;
     draw_base_map(&mut chart, [without, with], (low, high))?;
-    draw_scene(&mut chart, scene)?;
+    drawing::draw_scene(&mut chart, scene)?;
     draw_regions(&mut chart, with)?;
     draw_paths(&mut chart, scene, without, with)?;
     Ok(())
@@ -113,21 +96,6 @@ fn draw_base_map(chart: &mut Map<'_>, records: [&Record; 2], bounds: (Point2, Po
             chart.draw_series(
                 cells.map(|(idx, _)| Rectangle::new(cell_box(&map.layout, idx), colour.filled())),
             )?;
-        }
-    }
-    Ok(())
-}
-
-fn draw_scene(chart: &mut Map<'_>, scene: &Scene) -> anyhow::Result<()> {
-    chart.draw_series([PathElement::new(drawing::floor_outline(scene), BLACK.stroke_width(2))])?;
-    for object in &scene.objects {
-        let [r, g, b] = object.rgb.unwrap_or([150, 150, 150]);
-        let parts = drawing::object_outlines(object);
-        let fill = RGBColor(r, g, b).mix(0.30).filled();
-        chart.draw_series(parts.iter().map(|part| Polygon::new(part.clone(), fill)))?;
-        if drawing::has_edges(object) {
-            let edge = RGBColor(r / 2, g / 2, b / 2).mix(0.8).stroke_width(1);
-            chart.draw_series(parts.into_iter().map(|part| PathElement::new(part, edge)))?;
         }
     }
     Ok(())
