@@ -238,20 +238,22 @@ impl Scanner<'_> {
     }
 }
 
+/// Which region a place word opens; the first that an item has counts.
+const PLACES: [(Sense, Place); 11] = [
+    (Sense::PrepBetween, Place::Between),
+    (Sense::PrepUnder, Place::Under),
+    (Sense::PrepPast, Place::Past),
+    (Sense::PrepFront, Place::Front),
+    (Sense::PrepBehind, Place::Behind),
+    (Sense::PrepLeft, Place::Left),
+    (Sense::PrepRight, Place::Right),
+    (Sense::ThisSide, Place::ThisSide),
+    (Sense::PrepOn, Place::On),
+    (Sense::PrepNear, Place::Near),
+    (Sense::To, Place::To),
+];
+
 pub(super) fn place_of(item: &Item) -> Option<Place> {
-    const PLACES: [(Sense, Place); 11] = [
-        (Sense::PrepBetween, Place::Between),
-        (Sense::PrepUnder, Place::Under),
-        (Sense::PrepPast, Place::Past),
-        (Sense::PrepFront, Place::Front),
-        (Sense::PrepBehind, Place::Behind),
-        (Sense::PrepLeft, Place::Left),
-        (Sense::PrepRight, Place::Right),
-        (Sense::ThisSide, Place::ThisSide),
-        (Sense::PrepOn, Place::On),
-        (Sense::PrepNear, Place::Near),
-        (Sense::To, Place::To),
-    ];
     if item.text == "about" {
         return None;
     }
@@ -260,19 +262,11 @@ pub(super) fn place_of(item: &Item) -> Option<Place> {
 
 /// The side that a place word names, where the region is that side.
 fn place_of_words(link: &str) -> Option<Place> {
+    use Place::{Behind, Front, Left, Past, Right, Under};
     let tokens = crate::text::tokens(link, crate::lexicon::Lexicon::get());
     let (senses, _) = crate::lexicon::Lexicon::get().senses_at(&tokens, 0)?;
-    [
-        (Sense::PrepUnder, Place::Under),
-        (Sense::PrepPast, Place::Past),
-        (Sense::PrepFront, Place::Front),
-        (Sense::PrepBehind, Place::Behind),
-        (Sense::PrepLeft, Place::Left),
-        (Sense::PrepRight, Place::Right),
-    ]
-    .iter()
-    .find(|(sense, _)| senses.contains(sense))
-    .map(|(_, place)| *place)
+    let is_side = |place: &Place| matches!(place, Under | Past | Front | Behind | Left | Right);
+    PLACES.iter().find(|(sense, place)| is_side(place) && senses.contains(sense)).map(|(_, place)| *place)
 }
 
 /// Whether a place word after a name describes that name, rather than naming another region.
@@ -286,6 +280,5 @@ fn attaches(item: &Item, draft: &Draft) -> bool {
         return false;
     }
     // "keep the table on your left", "there is a cable under the desk": describes.
-    let is_self = draft.names.last().is_some_and(|name| name.obj == "wheel");
-    !is_self
+    draft.names.last().is_none_or(|name| name.obj != "wheel")
 }
