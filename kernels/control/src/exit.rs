@@ -1,10 +1,7 @@
 //! The way out of a zone: distance to its exit along floor that the robot fits on.
 //!
-//! Straight-line distance to the border deadlocks between walls; a flood from every place outside, over the
-//! cells that the hull fits on, does not. Local, around the robot, and kept for some ticks by its owner.
-
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+//! Straight-line distance to the border deadlocks between walls; a flood over the cells that the hull fits on
+//! does not. Local, around the robot, no wider than the exit is far, and kept for some ticks by its owner.
 
 use geometry::Point2;
 
@@ -16,6 +13,17 @@ const N_SIDE: usize = 161;
 const CELLS_M: [f64; 2] = [0.05, 0.1];
 /// How far outside every zone a place must be to count as an exit, metres.
 const CLEAR_M: f64 = 0.02;
+/// How much farther than the nearest exit is looked, metres: ways that are a little longer may be faster.
+const BEYOND_M: f64 = 0.5;
+
+/// What is known of a cell.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cell {
+    Unseen,
+    Blocked,
+    Inside,
+    Exit,
+}
 
 /// Distance to the nearest exit, metres, for every cell around the robot.
 #[derive(Clone, Debug)]
@@ -26,58 +34,66 @@ pub(crate) struct ExitMap {
 }
 
 impl ExitMap {
-    /// Floods from the exits around the start of a scene; `None` when none can be reached from there.
+    /// Floods around the start of a scene; `None` when no exit can be reached from there.
     ///
     /// Zones that the robot is not in are walls, unless the scene calls them soft.
     pub(crate) fn around(scene: &Scene<'_>) -> Option<ExitMap> {
-        CELLS_M.into_iter().find_map(|cell_m| {
-            let map = ExitMap::flood(scene, cell_m);
-            map.distance_m(scene.start.position()).is_finite().then_some(map)
-        })
+        CELLS_M.into_iter().find_map(|cell_m| ExitMap::flood(scene, cell_m))
     }
 
-    fn flood(scene: &Scene<'_>, cell_m: f64) -> ExitMap {
+    fn flood(scene: &Scene<'_>, cell_m: f64) -> Option<ExitMap> {
         let centre = scene.start.position();
         let half_m = N_SIDE as f64 * cell_m / 2.0;
         let low = Point2::new(centre.x - half_m, centre.y - half_m);
-        let position_m = scene.assumptions.disturbance.position_m;
-        let mut free = vec![false; N_SIDE * N_SIDE];
-        let mut distance_m = vec![f32::INFINITY; N_SIDE * N_SIDE];
-        let mut queue = BinaryHeap::new();
-        for (idx, free) in free.iter_mut().enumerate() {
-            let place =
-                low + Point2::new((idx % N_SIDE) as f64 + 0.5, (idx / N_SIDE) as f64 + 0.5).coords * cell_m;
-            let mut soft_m = f64::INFINITY;
-            *free = scene.spatial.iter().all(|layer| {
-                let margin_m = layer.margin_m(place, 0.0);
-                if layer.soft {
-                    soft_m = soft_m.min(margin_m);
-                    return true;
-                }
-                margin_m > position_m
-            });
-            if *free && soft_m > position_m + CLEAR_M {
-                distance_m[idx] = 0.0;
-                queue.push((Reverse(0), idx));
-            }
+        let place_of = |idx: usize| {
+            low + Point2::new((idx % N_SIDE) as f64 + 0.5, (idx / N_SIDE) as f64 + 0.5).coords * cell_m
+        };
+        let mut cells = vec![Cell::Unseen; N_SIDE * N_SIDE];
+        // Outwards from the robot: only cells that it can reach are asked for, up to a little beyond the nearest
+        // exit. It may stand in a cell that is not free by a hair: its neighbours are begun from as well.
+        let middle = (N_SIDE / 2) * N_SIDE + N_SIDE / 2;
+        let mut exits = vec![];
+        let mut reach = Flood::new();
+        reach.begin(middle, 0);
+        for (idx, step) in neighbours(middle) {
+            reach.begin(idx, step);
         }
-        // Dijkstra in micrometres: whole numbers have an order.
-        while let Some((Reverse(micro), idx)) = queue.pop() {
-            if micro as f32 > distance_m[idx] * 1e6 + 1.0 {
-                continue;
+        let beyond = (BEYOND_M / cell_m) as u32 * STEPS[0];
+        let mut far = NEVER;
+        while let Some((idx, here)) = reach.next(far) {
+            if cells[idx] == Cell::Unseen {
+                cells[idx] = look(scene, place_of(idx));
             }
-            for (next, step) in neighbours(idx) {
-                let there = micro + (step * cell_m * 1e6) as u64;
-                if free[next] && (there as f32) < distance_m[next] * 1e6 {
-                    distance_m[next] = there as f32 * 1e-6;
-                    queue.push((Reverse(there), next));
+            match cells[idx] {
+                Cell::Exit => {
+                    exits.push(idx);
+                    far = far.min(here + beyond);
                 }
+                Cell::Inside => {}
+                Cell::Blocked | Cell::Unseen => continue,
             }
+            reach.spread(idx, here, |_| true);
         }
-        ExitMap { low, cell_m, distance_m }
+        if exits.is_empty() {
+            return None;
+        }
+        // Back from the exits, over what was reached.
+        let mut back = Flood::new();
+        for idx in exits {
+            back.begin(idx, 0);
+        }
+        while let Some((idx, here)) = back.next(NEVER) {
+            back.spread(idx, here, |next| matches!(cells[next], Cell::Inside | Cell::Exit));
+        }
+        let metres = |fifths: &u32| match *fifths {
+            NEVER => f32::INFINITY,
+            fifths => fifths as f32 * (cell_m / f64::from(STEPS[0])) as f32,
+        };
+        Some(ExitMap { low, cell_m, distance_m: back.length.iter().map(metres).collect() })
     }
 
-    /// Distance to the exit from a place, metres; infinite when there is no way or the place is off the map.
+    /// Distance to the exit from a place, metres; infinite when there is no way, the place is off the map, or it
+    /// is much farther than the nearest exit.
     pub(crate) fn distance_m(&self, place: Point2) -> f64 {
         let (x, y) = ((place.x - self.low.x) / self.cell_m - 0.5, (place.y - self.low.y) / self.cell_m - 0.5);
         let side = N_SIDE as f64;
@@ -122,10 +138,84 @@ impl ExitMap {
     }
 }
 
-fn neighbours(idx: usize) -> impl Iterator<Item = (usize, f64)> {
+/// What a place is to somebody who wants out of the zones.
+fn look(scene: &Scene<'_>, place: Point2) -> Cell {
+    let position_m = scene.assumptions.disturbance.position_m;
+    let mut soft_m = f64::INFINITY;
+    for layer in &scene.spatial {
+        let margin_m = layer.margin_m(place, 0.0);
+        if layer.soft {
+            soft_m = soft_m.min(margin_m);
+        } else if margin_m <= position_m {
+            return Cell::Blocked;
+        }
+    }
+    if soft_m > position_m + CLEAR_M { Cell::Exit } else { Cell::Inside }
+}
+
+/// Whether a place is outside every zone and clear of everything else: an exit by itself.
+pub(crate) fn is_outside(scene: &Scene<'_>, place: Point2) -> bool {
+    look(scene, place) == Cell::Exit
+}
+
+/// Lengths of a step to the side and of a diagonal one, in fifths of a cell: a hundredth short of √2.
+const STEPS: [u32; 2] = [5, 7];
+/// More than the longest step: cells whose length differs by less than this never share a bucket.
+const N_BUCKETS: usize = 8;
+/// Not reached.
+const NEVER: u32 = u32::MAX;
+
+/// Dijkstra over the cells, with a ring of buckets for a queue: steps are short whole numbers.
+struct Flood {
+    /// Length of the way to each cell, in fifths of a cell.
+    length: Vec<u32>,
+    buckets: [Vec<u32>; N_BUCKETS],
+    now: u32,
+}
+
+impl Flood {
+    fn new() -> Flood {
+        Flood { length: vec![NEVER; N_SIDE * N_SIDE], buckets: Default::default(), now: 0 }
+    }
+
+    fn begin(&mut self, idx: usize, length: u32) {
+        if length < self.length[idx] {
+            self.length[idx] = length;
+            self.buckets[length as usize % N_BUCKETS].push(idx as u32);
+        }
+    }
+
+    /// The nearest cell that was not given yet, and its length; `None` beyond `far` and at the end.
+    fn next(&mut self, far: u32) -> Option<(usize, u32)> {
+        let mut n_empty = 0;
+        while n_empty < N_BUCKETS && self.now <= far {
+            match self.buckets[self.now as usize % N_BUCKETS].pop() {
+                // Found again on a shorter way since: given already.
+                Some(idx) if self.length[idx as usize] != self.now => {}
+                Some(idx) => return Some((idx as usize, self.now)),
+                None => {
+                    self.now += 1;
+                    n_empty += 1;
+                }
+            }
+        }
+        None
+    }
+
+    fn spread(&mut self, idx: usize, here: u32, may: impl Fn(usize) -> bool) {
+        for (next, step) in neighbours(idx) {
+            if may(next) {
+                self.begin(next, here + step);
+            }
+        }
+    }
+}
+
+/// The cells around one that are on the map, and the lengths of the steps there.
+fn neighbours(idx: usize) -> impl Iterator<Item = (usize, u32)> {
     let (col, row) = ((idx % N_SIDE) as i64, (idx / N_SIDE) as i64);
-    let diagonal = std::f64::consts::SQRT_2;
-    [(1, 0, 1.0), (-1, 0, 1.0), (0, 1, 1.0), (0, -1, 1.0)]
+    let [side, diagonal] = STEPS;
+    [(1, 0, side), (-1, 0, side), (0, 1, side), (0, -1, side)]
         .into_iter()
         .chain([(1, 1, diagonal), (1, -1, diagonal), (-1, 1, diagonal), (-1, -1, diagonal)])
         .filter_map(move |(dx, dy, step)| {
@@ -202,7 +292,8 @@ mod tests {
         let walls = |p: Point2| to_box(p, (-0.5, 0.0), (0.1, 0.8));
         let map = around(&world(walls, &[(0.0, 0.0, 1.0)])).unwrap();
         assert!(map.distance_m(Point2::origin()) > 1.2);
-        assert!(map.distance_m(Point2::new(-2.0, 0.0)) < 0.1, "outside the zone is the exit");
+        let at_the_end = Point2::new(-0.5, 1.3);
+        assert!(map.distance_m(at_the_end) < 0.1, "outside the zone is the exit");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! harm. No command leaves that is not finite. Not here: ages of inputs, clocks, the bus (the service).
 
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use geometry::{Profile, Twist};
@@ -71,7 +72,7 @@ pub struct Filter {
 struct Exits {
     age_s: f64,
     /// `None` when there is no way out.
-    map: Option<ExitMap>,
+    map: Option<Arc<ExitMap>>,
     /// Whether the only way out leads through zones that the robot is not in.
     through_zones: bool,
 }

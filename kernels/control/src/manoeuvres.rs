@@ -24,23 +24,34 @@ impl TurnAndDrive {
     /// The controls, one a step, into `controls`.
     pub(crate) fn write(&self, start: State, limits: &Limits, step_s: f64, controls: &mut Vec<Control>) {
         controls.clear();
-        let mut speed_m_s = start.speed_m_s;
-        let mut left_rad = turn(start.yaw_rad, self.heading_rad);
-        let mut towards = |wanted_m_s: f64| {
-            let accel =
-                ((wanted_m_s - speed_m_s) / step_s).clamp(-limits.accel_m_s2_max, limits.accel_m_s2_max);
-            speed_m_s = limits.speed_after(speed_m_s, accel, step_s);
-            accel
-        };
-        let rate_max = limits.yaw_rate_rad_s_max;
-        while left_rad.abs() > 1e-6 {
-            let yaw_rate_rad_s = (left_rad / step_s).clamp(-rate_max, rate_max);
+        controls.extend(self.controls(start, limits, step_s));
+    }
+
+    /// The controls, one a step.
+    pub(crate) fn controls(
+        self,
+        start: State,
+        limits: &Limits,
+        step_s: f64,
+    ) -> impl Iterator<Item = Control> + Clone + use<> {
+        let limits = *limits;
+        let TurnAndDrive { heading_rad, turning_m_s, driving_m_s, driving_s } = self;
+        let (mut speed_m_s, mut left_rad) = (start.speed_m_s, turn(start.yaw_rad, heading_rad));
+        let mut n_drive = (driving_s / step_s).ceil() as usize;
+        std::iter::from_fn(move || {
+            let turns = left_rad.abs() > 1e-6;
+            if !turns {
+                n_drive = n_drive.checked_sub(1)?;
+            }
+            let rate_max = limits.yaw_rate_rad_s_max;
+            let yaw_rate_rad_s = if turns { (left_rad / step_s).clamp(-rate_max, rate_max) } else { 0.0 };
             left_rad -= yaw_rate_rad_s * step_s;
-            controls.push(Control { yaw_rate_rad_s, accel_m_s2: towards(self.turning_m_s) });
-        }
-        for _ in 0..(self.driving_s / step_s).ceil() as usize {
-            controls.push(Control { yaw_rate_rad_s: 0.0, accel_m_s2: towards(self.driving_m_s) });
-        }
+            let wanted_m_s = if turns { turning_m_s } else { driving_m_s };
+            let accel_m_s2 =
+                ((wanted_m_s - speed_m_s) / step_s).clamp(-limits.accel_m_s2_max, limits.accel_m_s2_max);
+            speed_m_s = limits.speed_after(speed_m_s, accel_m_s2, step_s);
+            Some(Control { yaw_rate_rad_s, accel_m_s2 })
+        })
     }
 }
 

@@ -6,9 +6,9 @@
 //! always among the candidates. Deliberately not here: whether to recover (`filter`).
 
 use crate::dynamics::{Control, Limits, State};
-use crate::exit::ExitMap;
+use crate::exit::{ExitMap, is_outside};
 use crate::manoeuvres::{TurnAndDrive, headings};
-use crate::plan::{Plan, Sample};
+use crate::plan::{Plan, Rolling, Sample};
 use crate::scene::{Assumptions, Scene};
 use crate::score::FIELD_SLOPE;
 
@@ -39,11 +39,10 @@ const TURN_RATE_RAD_S_MIN: f64 = 0.1;
 /// Lengths of the drive after the turn, metres: out of a corner, and out of a large zone.
 const DRIVES_M: [f64; 2] = [0.4, 2.0];
 
-/// A plan and its harm; the smaller the better.
+/// The plan of least harm.
 #[derive(Clone, Debug)]
 pub(crate) struct Ranked {
     pub plan: Plan,
-    pub harm: f64,
     obstacle_m: f64,
 }
 
@@ -56,25 +55,36 @@ impl Ranked {
 
 /// The candidate of least harm: what is left of the last plan, brakes, arcs, and turn-then-drive motions.
 pub(crate) fn least_harm(scene: &Scene<'_>, exits: Option<&ExitMap>, kept: Option<&Plan>) -> Option<Ranked> {
-    let mut best: Option<Ranked> = None;
-    let limits = scene.assumptions.limits;
-    let step_s = scene.assumptions.step_s;
     let judge = Judge::new(scene, exits);
-    let mut consider = |controls: &[Control], favour: f64| {
-        let plan = Plan::roll(scene.start, controls, step_s, &limits, true);
-        let ceiling = best.as_ref().map_or(f64::INFINITY, |best| best.harm);
-        if let Some((harm, obstacle_m)) = judge.judge(&plan, ceiling)
+    let mut ranking = Ranking { judge, best: None, controls: Vec::new() };
+    if let Some(kept) = kept {
+        ranking.consider(remaining_controls(kept).iter().copied(), UNDER_WAY_FAVOUR);
+    }
+    consider_candidates(scene, exits, &mut ranking);
+    let Assumptions { limits, step_s, .. } = scene.assumptions;
+    let (_, obstacle_m) = ranking.best?;
+    Some(Ranked { plan: Plan::roll(scene.start, &ranking.controls, step_s, &limits, true), obstacle_m })
+}
+
+/// The best candidate so far; the others are followed no farther than they are harmless enough.
+struct Ranking<'a, 'w> {
+    judge: Judge<'a, 'w>,
+    /// Harm, and how much too near it comes to an obstacle, metres.
+    best: Option<(f64, f64)>,
+    controls: Vec<Control>,
+}
+
+impl Ranking<'_, '_> {
+    fn consider(&mut self, controls: impl Iterator<Item = Control> + Clone, favour: f64) {
+        let ceiling = self.best.map_or(f64::INFINITY, |(harm, _)| harm);
+        if let Some((harm, obstacle_m)) = self.judge.judge(controls.clone(), ceiling)
             && harm * favour < ceiling
         {
-            best = Some(Ranked { plan, harm: harm * favour, obstacle_m });
+            self.best = Some((harm * favour, obstacle_m));
+            self.controls.clear();
+            self.controls.extend(controls);
         }
-    };
-    if let Some(kept) = kept {
-        consider(&remaining_controls(kept), UNDER_WAY_FAVOUR);
     }
-    let mut consider = |controls: &[Control]| consider(controls, 1.0);
-    for_each_candidate(scene, exits, &mut consider);
-    best
 }
 
 /// What is left of a plan, resampled from this moment.
@@ -83,7 +93,7 @@ pub(crate) fn remaining_controls(plan: &Plan) -> Vec<Control> {
     (0..n_left).map(|k| plan.control_at(k as f64 * plan.step_s())).collect()
 }
 
-fn for_each_candidate(scene: &Scene<'_>, exits: Option<&ExitMap>, consider: &mut dyn FnMut(&[Control])) {
+fn consider_candidates(scene: &Scene<'_>, exits: Option<&ExitMap>, ranking: &mut Ranking<'_, '_>) {
     let limits = scene.assumptions.limits;
     let step_s = scene.assumptions.step_s;
     let (rate_max, accel_max, speed_max) =
@@ -93,15 +103,7 @@ fn for_each_candidate(scene: &Scene<'_>, exits: Option<&ExitMap>, consider: &mut
     let turning = Limits { yaw_rate_rad_s_max: in_force, ..limits };
     let n_stop = (limits.braking_s(scene.start.speed_m_s) / step_s).ceil() as usize + 1;
     let n_drive = (DRIVES_M[0] / speed_max / step_s).ceil() as usize;
-    let mut controls = Vec::with_capacity(256);
-    for rate in [0.0, 0.5, -0.5, 1.0, -1.0] {
-        let yaw_rate_rad_s = rate * rate_max;
-        for (accel, n) in [(-accel_max, n_stop), (0.0, n_drive), (accel_max, n_drive)] {
-            controls.clear();
-            controls.resize(n, Control { yaw_rate_rad_s, accel_m_s2: accel });
-            consider(&controls);
-        }
-    }
+    // The likeliest first: who comes later is followed only as far as it may still be better.
     let place = scene.start.position();
     for target in exits.into_iter().flat_map(|e| ALONG_M.map(|m| e.along_way_out(place, m))).flatten() {
         let (sight, heading_rad) = (target - place, (target.y - place.y).atan2(target.x - place.x));
@@ -109,9 +111,15 @@ fn for_each_candidate(scene: &Scene<'_>, exits: Option<&ExitMap>, consider: &mut
             let driving_s = sight.norm() / driving_m_s;
             for turning_m_s in [0.0, 0.3 * driving_m_s] {
                 let motion = TurnAndDrive { heading_rad, turning_m_s, driving_m_s, driving_s };
-                motion.write(scene.start, &turning, step_s, &mut controls);
-                consider(&controls);
+                ranking.consider(motion.controls(scene.start, &turning, step_s), 1.0);
             }
+        }
+    }
+    for rate in [0.0, 0.5, -0.5, 1.0, -1.0] {
+        let yaw_rate_rad_s = rate * rate_max;
+        for (accel, n) in [(-accel_max, n_stop), (0.0, n_drive), (accel_max, n_drive)] {
+            let control = Control { yaw_rate_rad_s, accel_m_s2: accel };
+            ranking.consider(std::iter::repeat_n(control, n), 1.0);
         }
     }
     let slowest = scene.limits.iter().map(|layer| layer.speed_m_s).fold(speed_max, f64::min);
@@ -121,8 +129,7 @@ fn for_each_candidate(scene: &Scene<'_>, exits: Option<&ExitMap>, consider: &mut
                 let turning_m_s = turning_share * driving_m_s;
                 let driving_s = (drive_m / driving_m_s.max(0.1)).min(DRIVES_M[1] / (0.3 * speed_max));
                 let motion = TurnAndDrive { heading_rad, turning_m_s, driving_m_s, driving_s };
-                motion.write(scene.start, &turning, step_s, &mut controls);
-                consider(&controls);
+                ranking.consider(motion.controls(scene.start, &turning, step_s), 1.0);
             }
         }
     }
@@ -137,6 +144,8 @@ struct Judge<'a, 'w> {
     /// What full braking falls short of the obstacles' margins, as far as an error of the position explains
     /// it, metres: who falls short by no more has nothing to gain by breaking a rule.
     forgiven_m: f64,
+    /// Time over which plans are compared, seconds.
+    compared_s: f64,
 }
 
 /// What a plan does wrong, class by class; every part only grows along the plan.
@@ -167,38 +176,46 @@ impl<'a, 'w> Judge<'a, 'w> {
     fn new(scene: &'a Scene<'w>, exits: Option<&'a ExitMap>) -> Self {
         let start_depth_m = soft_depth_m(scene, scene.start);
         let is_in_zone = scene.spatial.iter().any(|layer| layer.soft);
-        let judge = Judge { scene, exits, start_depth_m, is_in_zone, forgiven_m: 0.0 };
-        let Assumptions { limits, step_s, disturbance, .. } = scene.assumptions;
-        let braking = Plan::roll(scene.start, &[], step_s, &limits, true);
-        let braking_short_m = judge.judge(&braking, f64::INFINITY).map_or(0.0, |(_, short_m)| short_m);
-        Judge { forgiven_m: braking_short_m.min(disturbance.position_m), ..judge }
-    }
-
-    /// The harm of a plan and how near it comes to obstacles, metres; `None` as soon as it exceeds `ceiling`.
-    fn judge(&self, plan: &Plan, ceiling: f64) -> Option<(f64, f64)> {
-        let scene = self.scene;
-        let step_s = scene.assumptions.step_s;
         let rate_rad_s = scene.limits_in_force().yaw_rate_rad_s_max.max(TURN_RATE_RAD_S_MIN);
         let compared_s = COMPARED_S + std::f64::consts::PI / rate_rad_s;
+        let judge = Judge { scene, exits, start_depth_m, is_in_zone, forgiven_m: 0.0, compared_s };
+        let braking = judge.judge(std::iter::empty(), f64::INFINITY);
+        let braking_short_m = braking.map_or(0.0, |(_, short_m)| short_m);
+        let position_m = scene.assumptions.disturbance.position_m;
+        Judge { forgiven_m: braking_short_m.min(position_m), ..judge }
+    }
+
+    /// The harm of a sequence and how near it comes to obstacles, metres; `None` as soon as it exceeds `ceiling`.
+    fn judge(&self, controls: impl Iterator<Item = Control>, ceiling: f64) -> Option<(f64, f64)> {
+        let scene = self.scene;
+        let Assumptions { limits, step_s, .. } = scene.assumptions;
         let mut wrongs = Wrongs::default();
-        let samples = plan.samples();
-        for (k, pair) in samples.windows(2).enumerate() {
-            let (from, to) = (&pair[0], &pair[1]);
-            let tube_m = scene.tube_m(samples[0].state.speed_m_s, to.moving_s, to.path_m);
+        let mut samples = Rolling::new(scene.start, controls, step_s, &limits);
+        let mut from = samples.next()?;
+        let mut n_steps = 0;
+        for to in samples {
+            n_steps += 1;
+            let tube_m = scene.tube_m(scene.start.speed_m_s, to.moving_s, to.path_m);
             let lost_m = tube_m + scene.loss_m(to.path_m - from.path_m, from.yaw_rate_rad_s * step_s);
-            let counts_s = if (k + 1) as f64 * step_s <= compared_s { step_s } else { 0.0 };
-            self.add_spatial(&mut wrongs, to, lost_m, counts_s);
-            wrongs.over_s += limits_broken(scene, (from, to), tube_m, k == 0) * step_s;
+            let counts_s = if f64::from(n_steps) * step_s <= self.compared_s { step_s } else { 0.0 };
+            self.add_spatial(&mut wrongs, &to, lost_m, counts_s);
+            wrongs.over_s += limits_broken(scene, (&from, &to), tube_m, n_steps == 1) * step_s;
             if wrongs.harm(self.forgiven_m) > ceiling {
                 return None;
             }
+            from = to;
         }
-        let end = samples[samples.len() - 1].state;
+        let end = from.state;
         let end_depth_m = soft_depth_m(scene, end);
         // A short plan must not look harmless: it stays where it ends.
-        wrongs.depth_m_s += end_depth_m * (compared_s - (samples.len() - 1) as f64 * step_s).max(0.0);
+        wrongs.depth_m_s += end_depth_m * (self.compared_s - f64::from(n_steps) * step_s).max(0.0);
         let exit_m = match self.exits {
-            Some(exits) => exits.distance_m(end.position()).min(NO_EXIT_M),
+            Some(exits) => match exits.distance_m(end.position()) {
+                far_m if far_m <= NO_EXIT_M => far_m,
+                // The map reaches a little beyond the nearest exit only.
+                _ if is_outside(scene, end.position()) => 0.0,
+                _ => NO_EXIT_M,
+            },
             None if self.is_in_zone => end_depth_m,
             None => 0.0,
         };

@@ -29,8 +29,16 @@ fn tick(filter: &mut Filter, base: &mut Base, nominal: Twist, arena: &Arena) -> 
     decision
 }
 
-/// Shortest way to a place clear of every zone, by a flood over the true polygons on a 4 cm grid, metres.
-fn true_exit_m(arena: &Arena, from: Point2, radius_m: f64) -> Option<f64> {
+/// Clearance of a way out that a map of 5 cm cells is sure to show, metres: a cell counts as occupied when the
+/// obstacle may touch it, and a distance as the least that its cells allow, each half a diagonal, and the error of
+/// the position on top.
+const SHOWN_M: f64 = 2.0 * 0.5 * std::f64::consts::SQRT_2 * arena::CELL_M + 0.01;
+/// Clearance of a way out that there may be all the same, metres: nobody is kept from taking it, nobody must.
+const TIGHT_M: f64 = 0.05;
+
+/// Shortest way with this clearance to a place clear of every zone, by a flood over the true polygons on a 4 cm
+/// grid, metres.
+fn true_exit_m(arena: &Arena, from: Point2, radius_m: f64, clearance_m: f64) -> Option<f64> {
     let cell = 0.04;
     let (cols, rows) =
         (((arena.high.x - arena.low.x) / cell) as i64 + 1, ((arena.high.y - arena.low.y) / cell) as i64 + 1);
@@ -50,7 +58,7 @@ fn true_exit_m(arena: &Arena, from: Point2, radius_m: f64) -> Option<f64> {
             if nc < 0 || nr < 0 || nc >= cols || nr >= rows {
                 continue;
             }
-            if arena.clearance_m(place(nc, nr), radius_m) < 0.05 {
+            if arena.clearance_m(place(nc, nr), radius_m) < clearance_m {
                 continue;
             }
             let there = here + cell * f64::from(((dc * dc + dr * dr) as f32).sqrt());
@@ -66,6 +74,8 @@ fn true_exit_m(arena: &Arena, from: Point2, radius_m: f64) -> Option<f64> {
 struct Left {
     seconds: f64,
     shortest_s: f64,
+    /// Whether the map shows the way out ([`SHOWN_M`]).
+    shown: bool,
 }
 
 /// Puts the robot into zones of up to 3 m and waits for it to leave; `None` when there is no exit.
@@ -81,7 +91,9 @@ fn leave(world_seed: u64) -> Option<Result<Left, String>> {
         let zone = rectangle(off, half, c.random_range(-3.0..3.0));
         arena.add(TrueRule::Exclusion { zone, buffer_m: c.random_range(0.0..0.3) });
     }
-    let exit_m = true_exit_m(&arena, place, radius_m)?;
+    let shown_m = true_exit_m(&arena, place, radius_m, SHOWN_M);
+    let exit_m = shown_m.or_else(|| true_exit_m(&arena, place, radius_m, TIGHT_M))?;
+    let shown = shown_m.is_some();
     let mut base = Base::at(place, c.random_range(-3.0..3.0), &profile, Plant::default());
     let mut filter = filter(&profile);
     // Half a turn, then the way at full speed with its start and end: the longest of the shortest.
@@ -93,6 +105,9 @@ fn leave(world_seed: u64) -> Option<Result<Left, String>> {
     let mut said = String::new();
     while arena.exclusion_m(base.place(), radius_m) <= 0.0 {
         if seconds > limit_s {
+            if !shown && said.contains("no way out") {
+                return Some(Ok(Left { seconds, shortest_s, shown }));
+            }
             let left = arena.exclusion_m(base.place(), radius_m);
             return Some(Err(format!(
                 "seed {world_seed}: still {left:.2} m in after {limit_s:.0} s, exit {exit_m:.2} m: {said}"
@@ -119,16 +134,17 @@ fn leave(world_seed: u64) -> Option<Result<Left, String>> {
         }
         seconds += TICK.as_secs_f64();
     }
-    Some(Ok(Left { seconds, shortest_s }))
+    Some(Ok(Left { seconds, shortest_s, shown }))
 }
 
 #[test]
 fn who_stands_in_a_zone_leaves_it_without_hitting_anything() {
     let n_starts = count("HEEDWAY_STARTS", 25);
-    let (mut n, mut slow, mut failed, mut world_seed) = (0, 0, vec![], seed(1));
+    let (mut n, mut slow, mut tight, mut failed, mut world_seed) = (0, 0, 0, vec![], seed(1));
     while n < n_starts {
         match leave(world_seed) {
             None => {}
+            Some(Ok(left)) if !left.shown => tight += 1,
             Some(Ok(left)) => {
                 n += 1;
                 slow += usize::from(left.seconds > 1.5 * left.shortest_s);
@@ -141,6 +157,7 @@ fn who_stands_in_a_zone_leaves_it_without_hitting_anything() {
         world_seed += 1;
     }
     println!("{n} starts, {} still in, {slow} slower than 1.5 times the shortest", failed.len());
+    println!("beside them {tight} whose only way out is narrower than the map can show: left, or said so");
     for why in &failed {
         println!("{why}");
     }

@@ -4,6 +4,8 @@
 //! of least harm. Where something is broken at the start already, the way back. Not here: what is made of the
 //! choice on the way out (`filter`).
 
+use std::sync::Arc;
+
 use geometry::Twist;
 
 use super::{Exits, Filter};
@@ -182,7 +184,7 @@ impl Filter {
             return choice;
         }
         let exits = if in_zone { self.exits_around(scene) } else { None };
-        let ranked = least_harm(scene, exits.as_ref(), self.plan.as_ref());
+        let ranked = least_harm(scene, exits.as_deref(), self.plan.as_ref());
         let (plan, spares) = match ranked {
             Some(ranked) => {
                 let spares = ranked.spares_obstacles();
@@ -210,14 +212,14 @@ impl Filter {
     }
 
     /// The map of the ways out; zones that the robot is not in are given up when there is no way around.
-    fn exits_around(&mut self, scene: &mut Scene<'_>) -> Option<ExitMap> {
+    fn exits_around(&mut self, scene: &mut Scene<'_>) -> Option<Arc<ExitMap>> {
         let fresh = self.exits.take().filter(|exits| exits.age_s < EXITS_AGE_S_MAX);
         let exits = fresh.unwrap_or_else(|| {
             if let Some(map) = ExitMap::around(scene) {
-                return Exits { age_s: 0.0, map: Some(map), through_zones: false };
+                return Exits { age_s: 0.0, map: Some(Arc::new(map)), through_zones: false };
             }
             give_up_zones(scene);
-            Exits { age_s: 0.0, map: ExitMap::around(scene), through_zones: true }
+            Exits { age_s: 0.0, map: ExitMap::around(scene).map(Arc::new), through_zones: true }
         });
         if exits.through_zones {
             give_up_zones(scene);
