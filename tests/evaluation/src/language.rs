@@ -9,6 +9,8 @@ use heedway_language::lone::LoneParser;
 use rules::{Outcome, Relation, Reply, Rule, RuleType};
 use serde::{Deserialize, Serialize};
 
+pub mod cases;
+
 /// The instructions, one JSON object a line.
 const INSTRUCTIONS: &str = include_str!("../language/instructions.jsonl");
 

@@ -3,11 +3,13 @@
 
 use std::path::Path;
 
+use evaluation::language::cases::{Case, Judgement, read_cases, score_cases};
 use evaluation::language::{Try, Verdict, ask_all, instructions, table};
 use geometry::Profile;
 use heedway_language::ParserChoice;
 use heedway_language::llm::LlmSettings;
 use heedway_language::lone::LoneParser;
+use rules::{Outcome, Relation, Reply, Rule};
 use serde_json::{Value, json};
 use wiremock::matchers::method;
 use wiremock::{Mock, MockServer, Request, Respond, ResponseTemplate};
@@ -99,4 +101,41 @@ async fn where_the_model_gives_no_answer_the_offline_parser_does() {
     assert_eq!((carpet.verdict, carpet.parser.as_str()), (Verdict::Correct, "offline"));
     let cars = tries.iter().find(|one| one.text.contains("cars")).unwrap();
     assert_eq!((cars.verdict, cars.parser.as_str()), (Verdict::Correct, "llm:m"));
+}
+
+/// The sentences were written by others than the parser's authors and were not read while it was written. A floor,
+/// not a target: asking is allowed, guessing is not.
+#[tokio::test]
+async fn on_sentences_never_read_the_offline_parser_is_mostly_right_and_never_unsafe() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("language/heldout.jsonl");
+    let cases = read_cases(&path).unwrap();
+    let parser = LoneParser::new(ParserChoice::Offline, None, Profile::sim()).unwrap();
+    let score = score_cases(&parser, &cases).await;
+    assert_eq!(score.n(), cases.len());
+    assert_eq!(score.unsafe_accepted, Vec::<String>::new(), "{score}");
+    assert!(score.share() >= 0.9 && score.wrong.len() * 25 <= score.n(), "{score}");
+}
+
+#[test]
+fn a_reply_is_right_or_too_strict_or_wrong() {
+    let case: Case = serde_json::from_value(json!({
+        "id": "1", "text": "stay half a metre from the tables",
+        "expect": {"outcome": "accept", "specs": [
+            {"type": "exclusion", "relation": ["near"], "obj": ["tables"], "buffer_m": [0.5, 0.5]}]},
+    }))
+    .unwrap();
+    let of = |buffer_m: f64, obj: &str| Reply {
+        specs: vec![Rule { buffer_m, ..Rule::exclusion(Relation::Near, obj) }],
+        ..Reply::of(Outcome::Accept)
+    };
+    assert_eq!(case.judge(&of(0.5, "dining table")), Judgement::Right);
+    assert_eq!(case.judge(&of(0.8, "table")), Judgement::Asked);
+    assert_eq!(case.judge(&of(0.4, "table")), Judgement::Wrong);
+    assert_eq!(case.judge(&of(0.5, "table lamp")), Judgement::Wrong);
+    assert_eq!(case.judge(&Reply::of(Outcome::Clarify)), Judgement::Asked);
+    assert_eq!(case.judge(&Reply::of(Outcome::Refuse)), Judgement::Wrong);
+    let both = Reply { specs: [of(0.5, "table").specs, of(1.0, "chair").specs].concat(), ..of(0.5, "table") };
+    assert_eq!(case.judge(&both), Judgement::Asked);
+    assert_eq!(case.judge(&Reply { specs: vec![], ..both.clone() }), Judgement::Wrong);
+    assert_eq!(case.judge(&Reply { revoked: vec!["s1".into()], ..of(0.5, "table") }), Judgement::Wrong);
 }

@@ -12,6 +12,7 @@ use clap::Args;
 use heedway_language::ParserChoice;
 use heedway_language::lone::LoneParser;
 
+use crate::language::cases::{read_cases, score_cases};
 use crate::language::{ask_all, instructions, table};
 use crate::setup::profile;
 
@@ -25,6 +26,10 @@ pub struct Arguments {
     /// tells: HEEDWAY_LLM_BASE_URL, HEEDWAY_LLM_MODEL and, where one is needed, HEEDWAY_LLM_KEY.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Sentences of your own with what is right for each, one JSON object a line as in
+    /// `tests/evaluation/language/heldout.jsonl`; each is read once and compared.
+    #[arg(long, value_name = "FILE", conflicts_with = "times")]
+    cases: Option<PathBuf>,
     /// How often each instruction is asked.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=100))]
     times: u8,
@@ -41,6 +46,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&arguments.out)
         .with_context(|| format!("create {} (--out)", arguments.out.display()))?;
     let parser = LoneParser::new(arguments.parser, arguments.config.as_deref(), profile(1)?)?;
+    if let Some(path) = &arguments.cases {
+        let cases = read_cases(path)?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        let words = runtime.block_on(score_cases(&parser, &cases)).to_string();
+        std::io::stdout().write_all(words.as_bytes()).context("write the score")?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let instructions = instructions()?;
     let place = arguments.out.join("language.jsonl");
     let mut file = std::fs::File::create(&place).with_context(|| format!("create {}", place.display()))?;
