@@ -140,6 +140,7 @@ impl FrameDoor {
             Ok(odom_from_base) => {
                 self.newest_frame_ns = frame.header.stamp_ns;
                 self.posed = Some(now);
+                self.reason.clear();
                 Some(Frame::new(*frame, odom_from_base, self.track.run()))
             }
             Err(NoPose::NotYet) if now.since(came) < self.limits.frame_wait => {

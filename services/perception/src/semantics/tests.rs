@@ -140,6 +140,10 @@ fn a_frame_in_a_gap_of_odometry_is_left_out() {
     bench.wait(1.0);
     assert!(bench.object_maps["s1"].header.stamp_ns > stamp_ns);
     assert_eq!(bench.trouble(), "");
+    // What was wrong with a frame long ago does not explain a camera that is silent now.
+    bench.camera_is_silent = true;
+    bench.wait(1.5);
+    assert_eq!(bench.trouble(), "no camera frame for more than 1 s");
 }
 
 #[test]

@@ -48,6 +48,7 @@ pub(super) struct Bench {
     settings: Settings,
     pub now: Time,
     /// What is silent.
+    pub camera_is_silent: bool,
     pub odometry_is_silent: bool,
     pub pose_is_silent: bool,
     /// Where odometry lies in the world, and where localisation says that it lies in the map.
@@ -87,6 +88,7 @@ impl Bench {
             maps: ObjectMaps::new(settings.maps(&profile), &profile).unwrap(),
             settings,
             now: Time::ZERO,
+            camera_is_silent: false,
             odometry_is_silent: false,
             pose_is_silent: false,
             world_from_odom: Pose2::IDENTITY,
@@ -153,7 +155,7 @@ impl Bench {
         let step = self.now.as_nanos() / 20_000_000;
         let (stamp_ns, odom_from_base) =
             (self.stamp_ns(), self.world_from_odom.inverse() * self.world_from_base);
-        if step.is_multiple_of(10) {
+        if step.is_multiple_of(10) && !self.camera_is_silent {
             // A camera is late: its frame is of the moment before last.
             self.n_frames += 1;
             let rgbd = frame(&self.scene, self.world_from_base, self.n_frames, stamp_ns);
