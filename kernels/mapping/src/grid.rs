@@ -23,6 +23,13 @@ impl Shape {
     pub const fn n_cells(self) -> usize {
         self.n_cols * self.n_rows
     }
+
+    /// The cell so many columns and rows away, where the grid has it.
+    #[must_use]
+    pub fn beside(self, cell: Cell, (cols, rows): (isize, isize)) -> Option<Cell> {
+        let (col, row) = (cell.col.checked_add_signed(cols)?, cell.row.checked_add_signed(rows)?);
+        (col < self.n_cols && row < self.n_rows).then_some(Cell { col, row })
+    }
 }
 
 /// One cell, by column and row.

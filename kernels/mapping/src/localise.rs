@@ -173,9 +173,7 @@ fn free_of(occupancy: &Grid<Occupancy>) -> FreeGrid {
 fn surfaces(occupancy: &Grid<Occupancy>) -> Cloud {
     let layout = occupancy.layout();
     let beside = |cell: Cell, dx: isize, dy: isize| {
-        let col = cell.col.checked_add_signed(dx).filter(|col| *col < layout.shape.n_cols)?;
-        let row = cell.row.checked_add_signed(dy).filter(|row| *row < layout.shape.n_rows)?;
-        Some(*occupancy.get(Cell { col, row }))
+        layout.shape.beside(cell, (dx, dy)).map(|cell| *occupancy.get(cell))
     };
     let around = || {
         (-NORMAL_REACH..=NORMAL_REACH).flat_map(|dy| (-NORMAL_REACH..=NORMAL_REACH).map(move |dx| (dx, dy)))

@@ -3,12 +3,12 @@
 //! Sides are the object's as seen from the anchor, where the robot stood when the rule was accepted. Nothing
 //! is guessed: a side without an anchor, or a gap without a second object, is an error.
 
-use geometry::{Point2, Polygon, Pose2};
+use geometry::{Point2, Pose2};
 use nalgebra::Vector2;
 
 use crate::grid::{Grid, Layout};
 use crate::occupancy::{Relation, merge_into};
-use crate::raster::mark_polygon;
+use between::mark_between;
 
 /// Least reach and breadth of a side, metres.
 pub const SIDE_M_MIN: f64 = 1.5;
@@ -30,7 +30,7 @@ pub enum RegionError {
 /// The cells of `layout` in the region of `relation` around `footprint`.
 ///
 /// `near`, `on` and `beneath` are the footprint itself (which is already of its relation); `between` is the hull of
-/// both objects less the objects; `beyond` is everything past the object's line; a side reaches as far as
+/// each thing and the nearest of the other name, less the things; `beyond` is everything past the object's line; a side reaches as far as
 /// the object is wide, at least [`SIDE_M_MIN`], and is as broad as the object, at least the same. All in
 /// `map`; what lies outside `layout` is left out.
 ///
@@ -80,32 +80,6 @@ fn direction(map_from_anchor: Pose2, to: Point2) -> Vector2<f64> {
 
 fn left_of(direction: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(-direction.y, direction.x)
-}
-
-fn mark_between(result: &mut Grid<bool>, first: &Grid<bool>, second: &Grid<bool>) -> Result<(), RegionError> {
-    let mut corners = Vec::new();
-    for grid in [first, second] {
-        let half_m = grid.layout().resolution_m / 2.0;
-        let centres = centres(grid);
-        if centres.is_empty() {
-            return Err(RegionError::Empty);
-        }
-        for centre in centres {
-            for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
-                corners.push(centre + Vector2::new(x, y) * half_m);
-            }
-        }
-    }
-    // Squares have area, and so has the hull of one.
-    let hull = Polygon::new(convex_hull(corners)).map_err(|_| RegionError::Empty)?;
-    mark_polygon(result, &hull);
-    let mut objects = Grid::filled(*result.layout(), false);
-    merge_into(&mut objects, first);
-    merge_into(&mut objects, second);
-    for (marked, is_object) in result.values_mut().iter_mut().zip(objects.values()) {
-        *marked &= !is_object;
-    }
-    Ok(())
 }
 
 /// Corners of the convex hull, counter-clockwise (Andrew's monotone chain).
@@ -237,5 +211,6 @@ impl Side {
     }
 }
 
+mod between;
 #[cfg(test)]
 mod tests;

@@ -78,12 +78,9 @@ fn mark_unseen_around(result: &mut Grid<bool>, base: &Grid<Occupancy>) {
     for _ in 0..(DEPTH_M_MAX / layout.resolution_m) as usize {
         let mut next = Vec::new();
         for cell in border {
-            for (d_col, d_row) in [(1_isize, 0_isize), (-1, 0), (0, 1), (0, -1)] {
-                let at = cell.col.checked_add_signed(d_col).zip(cell.row.checked_add_signed(d_row));
-                let Some((col, row)) = at else { continue };
-                let is_inside = col < layout.shape.n_cols && row < layout.shape.n_rows;
-                let cell = Cell { col, row };
-                if is_inside && !*result.get(cell) && is_unseen(cell) {
+            for step in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
+                let Some(cell) = layout.shape.beside(cell, step) else { continue };
+                if !*result.get(cell) && is_unseen(cell) {
                     result.set(cell, true);
                     next.push(cell);
                 }

@@ -1,7 +1,8 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::raster::mark_box;
+use crate::raster::{mark_box, mark_polygon};
+use geometry::Polygon;
 
 fn layout() -> Layout {
     Layout::covering(Point2::new(-6.0, -6.0), Point2::new(6.0, 6.0), 0.05).unwrap()
@@ -73,6 +74,28 @@ fn between_two_objects_is_the_gap_and_not_the_objects() {
     assert_eq!(found.at(Point2::new(-1.5, 0.0)), Some(&false));
     assert_eq!(found.at(Point2::new(0.0, 0.8)), Some(&false));
     assert_eq!(found.at(Point2::new(2.5, 0.0)), Some(&false));
+}
+
+#[test]
+fn between_several_things_is_beside_each_and_not_the_hull_of_all() {
+    let table = block((1.0, -0.5), (2.0, 0.5));
+    let (near, far) = (((-1.0, -0.5), (-0.6, 0.5)), ((1.2, 4.0), (1.8, 4.4)));
+    let mut chairs = block(near.0, near.1);
+    merge_into(&mut chairs, &block(far.0, far.1));
+    let found = region(Relation::Between, &chairs, Some(&table), None, layout()).unwrap();
+    let is_in = |x: f64, y: f64| found.at(Point2::new(x, y)) == Some(&true);
+    assert!(is_in(0.2, 0.0) && is_in(1.5, 2.0), "the gap of each chair");
+    assert!(!is_in(0.0, 2.0), "the hull of both chairs");
+    // Two halves of one sofa are one thing.
+    let mut sofa = block((-1.0, -1.0), (-0.6, -0.1));
+    merge_into(&mut sofa, &block((-1.0, 0.1), (-0.6, 1.0)));
+    let whole = block((-1.0, -1.0), (-0.6, 1.0));
+    let of_halves = region(Relation::Between, &sofa, Some(&table), None, layout()).unwrap();
+    let of_whole = region(Relation::Between, &whole, Some(&table), None, layout()).unwrap();
+    let is_sofa = |idx: usize| whole.values()[idx];
+    for (idx, (one, other)) in of_halves.values().iter().zip(of_whole.values()).enumerate() {
+        assert!(one == other || is_sofa(idx), "cell {idx}");
+    }
 }
 
 #[test]
