@@ -6,7 +6,7 @@
 
 mod sense;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::LazyLock;
 
 use crate::quantity::{Bound, Kind};
@@ -18,6 +18,7 @@ pub use sense::Sense;
 struct File {
     contractions: BTreeMap<String, String>,
     states: States,
+    tenses: Tenses,
     bounds: BTreeMap<String, Vec<String>>,
     units: BTreeMap<String, BTreeMap<String, f64>>,
     senses: BTreeMap<Sense, Vec<String>>,
@@ -29,6 +30,13 @@ struct File {
 struct States {
     leads: Vec<String>,
     words: Vec<String>,
+}
+
+/// Forms of verbs that no ending shows.
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tenses {
+    past: HashSet<String>,
 }
 
 struct Phrase<T> {
@@ -44,6 +52,7 @@ type Phrases<T> = HashMap<String, Vec<Phrase<T>>>;
 pub struct Lexicon {
     contractions: HashMap<String, Vec<String>>,
     states: States,
+    tenses: Tenses,
     bounds: Phrases<Bound>,
     units: Phrases<(Kind, f64)>,
     rate_units: Vec<String>,
@@ -69,7 +78,7 @@ impl Lexicon {
 
     fn read(text: &str) -> Result<Lexicon, toml::de::Error> {
         let file: File = toml::from_str(text)?;
-        let mut lexicon = Lexicon { states: file.states, ..Lexicon::default() };
+        let mut lexicon = Lexicon { states: file.states, tenses: file.tenses, ..Lexicon::default() };
         for (short, long) in &file.contractions {
             lexicon.contractions.insert(short.clone(), words_of(long));
         }
@@ -129,6 +138,12 @@ impl Lexicon {
     #[must_use]
     pub fn is_state_word(&self, word: &str) -> bool {
         self.states.words.iter().any(|state| state == word)
+    }
+
+    /// Whether the word is a verb in the past that does not end in "ed": "went".
+    #[must_use]
+    pub fn is_past(&self, word: &str) -> bool {
+        self.tenses.past.contains(word)
     }
 
     /// Whether the words, separated by spaces, are a phrase of some sense or bound.

@@ -1,6 +1,6 @@
 //! The offline parser: active rules and words to a reply.
 //!
-//! A pure function, total and linear in the words. The way through it: `text` → `item` (with
+//! A pure function, total and linear in the words. The way through it: `text` (its turns of speech from `frames.txt`) → `item` (with
 //! `quantity` and `lexicon`) → `segment` → `scan` → (`background`) → `combine` → `dialogue` or `resolve` → `answer`.
 //! What a phrase means is data (`lexicon.toml`, `nouns.toml`, `gate.toml`). Its one promise is not
 //! that it understands, but that it does not guess: every word is consumed by a slot that means it,
@@ -15,6 +15,7 @@ mod background;
 mod clause;
 mod combine;
 mod condition;
+mod demand;
 mod dialogue;
 mod doubt;
 mod draft;

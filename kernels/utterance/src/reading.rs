@@ -10,7 +10,7 @@ use crate::clause::{Clause, Clauses};
 use crate::combine::combine;
 use crate::dialogue::{Change, talk};
 use crate::draft::{Draft, Place};
-use crate::item::items;
+use crate::item::{Item, items};
 use crate::lexicon::{Lexicon, Sense};
 use crate::noun::{Name, Nouns};
 use crate::quantity::BareUnit;
@@ -85,8 +85,9 @@ struct Sum {
 impl Context<'_> {
     fn read(&self, tokens: &[Token], bare_unit: BareUnit, may_offer: bool) -> Reply {
         let items = items(tokens, bare_unit);
-        let drafts = || {
-            segments(&items).into_iter().map(|segment| {
+        let drafts: Vec<(Draft, &[Item])> = segments(&items)
+            .into_iter()
+            .map(|segment| {
                 let range = segment.range.clone();
                 let draft = Draft {
                     is_fresh: segment.is_fresh,
@@ -95,17 +96,19 @@ impl Context<'_> {
                 };
                 (draft, &items[range])
             })
-        };
-        let clauses = combine(drafts().map(|(draft, _)| draft).collect());
+            .collect();
+        let drafts = background::of_the_past(drafts);
+        let clauses = combine(drafts.iter().map(|(draft, _)| draft.clone()).collect());
         let trouble = match self.sum(&clauses) {
             Ok(sum) => return self.conclude(sum, &clauses),
             Err(trouble) => trouble,
         };
         let asks = !matches!(trouble, Trouble::Unsafe(_) | Trouble::Unsupported(_) | Trouble::NotSafety);
         // What only tells may have stood in the way of what orders.
-        let second = combine(background::told(drafts().collect()));
-        match self.sum(&second).ok().filter(|sum| asks && !sum.added.is_empty()) {
-            Some(sum) => self.conclude(sum, &second),
+        let second = asks.then(|| background::told(drafts)).flatten().map(combine);
+        let summed = second.and_then(|second| Some((self.sum(&second).ok()?, second)));
+        match summed.filter(|(sum, _)| !sum.added.is_empty()) {
+            Some((sum, second)) => self.conclude(sum, &second),
             None => self.explain(trouble, tokens, may_offer),
         }
     }

@@ -207,10 +207,10 @@ fn spread_over_group(clause: &Clause, draft: &mut Draft) {
     }
 }
 
-/// The likeliest of the names that the pronoun can point at: "it" is nobody, "him" is someone.
-fn meant_by<'a>(pronoun: &str, names: &'a [Name]) -> Option<&'a Name> {
+/// Whether the pronoun can mean that name: "it" is nobody and not many, "him" is someone.
+fn agrees(pronoun: &str, name: &Name) -> bool {
     let nouns = Nouns::get();
-    let agrees = |name: &&Name| match pronoun {
+    match pronoun {
         "it" | "that" | "this" | "there" | "here" => !nouns.is_someone(&name.obj),
         // Anyone may have a name that we do not know; a table has none.
         "him" | "her" => {
@@ -218,14 +218,31 @@ fn meant_by<'a>(pronoun: &str, names: &'a [Name]) -> Option<&'a Name> {
         }
         "them" | "those" | "these" | "they" => is_plural(name) || nouns.is_living(&name.obj),
         _ => true,
+    }
+}
+
+/// The names that the pronoun can point at, the earliest first; those that agree in number when there are any.
+pub fn candidates<'a>(pronoun: &str, names: &'a [Name]) -> Vec<&'a Name> {
+    let in_number = |name: &&&Name| match pronoun {
+        "it" => !is_plural(name),
+        "them" | "those" | "these" | "they" => is_plural(name),
+        _ => true,
     };
+    let agreeing: Vec<&Name> = names.iter().filter(|name| agrees(pronoun, name)).collect();
+    let exact: Vec<&Name> = agreeing.iter().filter(in_number).copied().collect();
+    if exact.is_empty() { agreeing } else { exact }
+}
+
+/// The likeliest of the names that the pronoun can point at.
+fn meant_by<'a>(pronoun: &str, names: &'a [Name]) -> Option<&'a Name> {
+    let nouns = Nouns::get();
     if matches!(pronoun, "him" | "her")
         && let Some(someone) = names.iter().rev().find(|name| nouns.is_living(&name.obj))
     {
         return Some(someone);
     }
     let any = !matches!(pronoun, "it" | "him" | "her");
-    names.iter().rev().find(agrees).or_else(|| names.last().filter(|_| any))
+    candidates(pronoun, names).pop().or_else(|| names.last().filter(|_| any))
 }
 
 /// Whether it was said of several.

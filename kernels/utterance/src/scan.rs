@@ -5,6 +5,7 @@ mod place;
 mod sense;
 mod told;
 
+use crate::demand::is_on_others;
 use crate::draft::{Draft, Place, Region};
 use crate::item::{Item, Sort};
 use crate::lexicon::Sense;
@@ -41,7 +42,11 @@ pub fn scan(items: &[Item], join: Join) -> Draft {
         }
         scanner.step();
     }
-    scanner.finish()
+    let mut draft = scanner.finish();
+    if is_on_others(items) {
+        draft.leftover.push(draft.words.clone());
+    }
+    draft
 }
 
 /// What was read last, for deciding what a place word attaches to.

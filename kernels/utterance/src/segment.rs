@@ -114,8 +114,8 @@ impl Earlier {
             Sense::Careful,
             Sense::Quiet,
         ]);
-        self.told |=
-            item.is_any(&[Sense::Copula, Sense::ThereIs, Sense::Statement]) && !item.is(Sense::Filler);
+        self.told |= item.is_any(&[Sense::Copula, Sense::ThereIs, Sense::Statement, Sense::Revoke])
+            && !item.is(Sense::Filler);
         self.word_or_hold |= item.is_word() || item.is(Sense::Hold);
         self.universal |= item.is(Sense::Det)
             && matches!(item.text.as_str(), "all" | "every" | "any" | "all the" | "all of the");

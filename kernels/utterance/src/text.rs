@@ -3,10 +3,12 @@
 //! Nothing is interpreted here and nothing is dropped but characters that carry no words. Work is
 //! linear in the text.
 
+mod frame;
 mod repair;
 mod subject;
 
 use crate::lexicon::Lexicon;
+use frame::said_plainly;
 use repair::{function_words, push_compound, shortened, split_short_is, than_for_then, without_counts};
 use subject::spoken_to;
 
@@ -47,7 +49,7 @@ pub fn tokens(text: &str, lexicon: &Lexicon) -> Vec<Token> {
         }
     }
     let repaired = function_words(than_for_then(without_counts(out)), lexicon);
-    spoken_to(split_short_is(repaired, lexicon), lexicon)
+    said_plainly(spoken_to(split_short_is(repaired, lexicon), lexicon))
 }
 
 fn raw_tokens(text: &str) -> Vec<Token> {

@@ -20,6 +20,10 @@ impl Joiner {
             return;
         }
         self.out.leftover.append(&mut draft.leftover);
+        // "…, so please don't": what, is not said.
+        if draft.n_neg > 0 && draft.senses.is_empty() && draft.all_names().next().is_none() {
+            self.out.leftover.push(draft.words.clone());
+        }
         if draft.is_crowded {
             self.out.leftover.push(draft.words.clone());
         }

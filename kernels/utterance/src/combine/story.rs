@@ -285,6 +285,8 @@ pub(super) fn is_told(draft: &Draft) -> bool {
                     | Sense::NeedsSpace
                     | Sense::ThereIs
                     | Sense::Statement
+                    | Sense::Subject
+                    | Sense::SelfRef
             )
         })
 }

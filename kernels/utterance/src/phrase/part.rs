@@ -57,7 +57,23 @@ pub(super) fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
     let number_next = items.get(at + 1).is_some_and(|next| matches!(next.sort, Sort::Quantity(_)));
     if at > words_start
         && number_next
-        && matches!(item.text.as_str(), "takes" | "take" | "needs" | "need" | "lasts" | "costs")
+        && matches!(
+            item.text.as_str(),
+            "takes"
+                | "take"
+                | "needs"
+                | "need"
+                | "lasts"
+                | "costs"
+                | "holds"
+                | "weighs"
+                | "carries"
+                | "contains"
+                | "measures"
+                | "reaches"
+                | "has"
+                | "have"
+        )
     {
         return false;
     }

@@ -1,6 +1,7 @@
 //! Where one stretch ends and the next begins.
 
 use super::{Earlier, Join};
+use crate::background::is_past;
 use crate::item::{Item, Sort};
 use crate::lexicon::Sense;
 use crate::quantity::Kind;
@@ -94,9 +95,17 @@ fn cut_by_link(items: &[Item], at: usize, earlier: Earlier) -> Option<Option<(Jo
         return Some(Some((Join::And, false)));
     }
     if item.is(Sense::Or) {
-        return Some(Some((Join::Or, false)));
+        // "avoid the bowl or it spills": what would happen else.
+        let happens = next.is_some_and(|n| {
+            matches!(
+                n.text.as_str(),
+                "it" | "they" | "he" | "she" | "i" | "we" | "you" | "someone" | "somebody"
+            )
+        }) && items.get(at + 2).is_some_and(|n| n.sort != Sort::Mark);
+        return Some(Some((if happens { Join::Because } else { Join::Or }, false)));
     }
     if item.is(Sense::But)
+        && !(item.text == "just" && next.is_some_and(is_past))
         && !(matches!(item.text.as_str(), "only" | "just")
             && before.is_none_or(|b| {
                 b.is_any(&[Sense::Copula, Sense::Subject, Sense::Because, Sense::Pronoun])
@@ -229,7 +238,11 @@ fn begins_order(items: &[Item], at: usize) -> bool {
     let told_to = item.is(Sense::Filler)
         && ["you have to", "you must", "you should", "you need to", "you are to", "please"]
             .contains(&item.text.as_str());
-    let order = told_to || item.is_any(&ORDERS) && !item.is_any(&[Sense::Pronoun, Sense::PrepNear]);
+    // "till he wanders off"
+    let is_particle =
+        matches!(item.text.as_str(), "off" | "out" | "out of" | "away" | "back" | "clear" | "over");
+    let order =
+        told_to || item.is_any(&ORDERS) && !item.is_any(&[Sense::Pronoun, Sense::PrepNear]) && !is_particle;
     let negated = item.is(Sense::Neg)
         && before.is_some_and(|b| b.is_word() || b.is_any(&[Sense::PrepNear, Sense::Pronoun]));
     motion || order || negated

@@ -102,7 +102,10 @@ pub(super) fn function_words(tokens: Vec<Token>, lexicon: &Lexicon) -> Vec<Token
         };
         let opens_time = before == "for" && token.text == "the" && next == "first" && counts(at + 2)
             || token.text == "first" && at > 1 && tokens[at - 1].text == "the" && before == "for";
-        if !opens_time {
+        // "he planted them himself"
+        let is_emphatic =
+            matches!(token.text.as_str(), "himself" | "herself" | "itself" | "themselves" | "ourselves");
+        if !opens_time && !is_emphatic {
             out.push(Token { text: text.to_owned(), glued: token.glued });
         }
     }
