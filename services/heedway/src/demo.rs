@@ -17,7 +17,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use heedway_simulator::scene::{Case, Hull, Scene};
 
-use crate::fleet::{self, Method, OFFICE_SCENE, Planner, SceneSource};
+use crate::fleet::{self, Change, Method, OFFICE_SCENE, Planner, SceneSource};
 use crate::terminal::Terminal;
 use judge::Judge;
 use record::Record;
@@ -51,6 +51,9 @@ pub struct Arguments {
     /// Which filter; as configured when not given.
     #[arg(long, value_enum)]
     method: Option<Method>,
+    /// Changes a value of a service's configuration, as in `filter.rate_hz=100.0`; may be given again.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    changes: Vec<Change>,
 }
 
 /// What a demonstration shows.
@@ -101,6 +104,7 @@ async fn demonstrate(arguments: &Arguments, terminal: &mut Terminal) -> anyhow::
                 planner: arguments.planner,
                 method: arguments.method,
                 seed: arguments.seed,
+                changes: arguments.changes.clone(),
                 folder: Some(folder.path().join(name)),
                 ..fleet::FleetOptions::office(program.clone())
             },

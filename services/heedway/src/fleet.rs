@@ -94,6 +94,24 @@ pub struct Change {
     pub value: toml::Value,
 }
 
+impl std::str::FromStr for Change {
+    type Err = anyhow::Error;
+
+    /// Reads `filter.rate_hz=100.0`: a key with its section, which is the service's name, and a value as in TOML.
+    fn from_str(text: &str) -> anyhow::Result<Change> {
+        let (key, value) = text.split_once('=').with_context(|| format!("{text:?} is not KEY=VALUE"))?;
+        let section = key.split('.').next().unwrap_or_default();
+        let service = ServiceName::ALL.into_iter().find(|name| name.as_str() == section);
+        let service = service.with_context(|| {
+            format!("{section:?} is no service: {}", ServiceName::ALL.map(ServiceName::as_str).join(", "))
+        })?;
+        let mut table: toml::Table = toml::from_str(&format!("value = {value}"))
+            .with_context(|| format!("value of {key}: {value:?}"))?;
+        let value = table.remove("value").context("no value")?;
+        Ok(Change { service, key: key.to_owned(), value })
+    }
+}
+
 impl FleetOptions {
     /// Every service over the office.
     #[must_use]

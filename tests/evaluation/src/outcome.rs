@@ -159,17 +159,21 @@ fn plain_outcome(run: &Run) -> Option<Outcome> {
     }
 }
 
+fn arrives(run: &Run) -> bool {
+    run.reached && run.n_collisions == 0
+}
+
 fn blame(task: &Task<'_>) -> anyhow::Result<Outcome> {
     let again = |condition: Condition| play(&Task { condition, record: None, ..*task });
     if task.case.is_some() && task.condition.masks == Masks::Models {
+        // Whether a rule was broken on the way is another question: some methods know nothing of speeds.
         let run = again(Condition { masks: Masks::Truth, ..task.condition })?;
-        if plain_outcome(&run) == Some(Outcome::Success) {
+        if arrives(&run) {
             return Ok(Outcome::TimeoutPerception);
         }
     }
     let run = again(Condition { filter_off: true, ..task.condition })?;
-    let is_there = run.reached && run.n_collisions == 0;
-    Ok(if is_there { Outcome::TimeoutFilter } else { Outcome::TimeoutPlanner })
+    Ok(if arrives(&run) { Outcome::TimeoutFilter } else { Outcome::TimeoutPlanner })
 }
 
 fn why(run: &Run, outcome: Outcome) -> String {

@@ -42,7 +42,7 @@ pub fn table(records: &[&Record]) -> String {
 }
 
 fn cells(record: &Record) -> Vec<String> {
-    let ms = |share| record.filter_ms(share).map_or_else(|| "–".to_owned(), |ms| format!("{ms:.1}"));
+    let ms = |share| record.filter_ms(share).map_or_else(|| "–".to_owned(), |ms| format!("{ms:.2}"));
     let (n_late, n_ticks) = record.late_ticks();
     vec![
         record.name.to_owned(),

@@ -182,6 +182,27 @@ mod tests {
     }
 
     #[test]
+    fn a_change_is_said_as_a_key_and_a_value_of_toml() {
+        let change = |text: &str| text.parse::<Change>().map_err(|e| format!("{e:#}"));
+        assert_eq!(
+            change("filter.disturbance.yaw_rad=0.02").unwrap(),
+            Change {
+                service: ServiceName::Filter,
+                key: "filter.disturbance.yaw_rad".into(),
+                value: Value::from(0.02)
+            }
+        );
+        assert_eq!(change("language.parser=\"llm\"").unwrap().value, Value::from("llm"));
+        for (text, words) in [
+            ("filter.rate_hz", "not KEY=VALUE"),
+            ("robot=1", "\"robot\" is no service: simulator"),
+            ("filter.rate_hz=fast", "value of filter.rate_hz"),
+        ] {
+            assert!(change(text).unwrap_err().contains(words), "{text}: {:?}", change(text));
+        }
+    }
+
+    #[test]
     fn the_shipped_profiles_are_those_of_the_geometry() {
         let read = |text: &str| toml::from_str::<Profile>(text).unwrap().checked().unwrap();
         assert_eq!(read(shipped_profile()), Profile::sim());
