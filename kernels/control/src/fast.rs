@@ -8,6 +8,7 @@
 pub(crate) mod merge;
 pub(crate) mod normal;
 pub(crate) mod packed;
+pub(crate) mod rollouts;
 pub(crate) mod sweep;
 
 pub(crate) use mapping::isa;

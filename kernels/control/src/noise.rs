@@ -54,6 +54,11 @@ impl Noise {
         self.second.resize(n, 0.0);
     }
 
+    /// The instructions that it is drawn with.
+    pub(crate) fn isa(&self) -> Isa {
+        self.isa
+    }
+
     /// Draws of one round for one step.
     pub(crate) fn n_lanes(&self) -> usize {
         padded(self.n_samples)

@@ -1,10 +1,12 @@
 //! Exact distance to the nearest of a few hundred points, cheap enough for every sample of a rollout.
 //!
 //! Rasterising scan hits would cost half a cell of clearance, which narrow passages do not have. Instead a
-//! coarse grid around the robot lists, for each cell, the points that can be nearest to any place in it:
-//! usually one to three. A cell's list is made when it is first asked for; a tick visits a few hundred.
+//! grid around the robot lists, for each cell, the points that can be nearest to any place in it: a few. A
+//! cell's list is made when it is first asked for, from that of the coarse cell around it; a tick visits a
+//! few hundred.
 
 use std::cell::RefCell;
+use std::ops::Range;
 
 use geometry::Point2;
 
@@ -13,12 +15,18 @@ use crate::fast::isa::Work;
 
 /// Side of a cell, metres: small enough for short lists, large enough for few cells.
 const CELL_M: f64 = 0.1;
+/// Cells along one side of a coarse cell.
+const N_COARSE: usize = 4;
 /// Most cells along one side.
 const N_SIDE_MAX: usize = 160;
+/// Cells and coarse cells along one side that lists are kept of: who lies so far apart shares its place.
+const N_KEPT: [usize; 2] = [64, 16];
 /// Points looked at together.
 const N_BLOCK: usize = 8;
 /// Stands in for no point: farther than any reach.
 const NOWHERE_M: f64 = 1e9;
+/// More than what rounding takes from the squares of distances within reach, m².
+const ROUNDING_M2: f64 = 1e-9;
 
 /// The points within reach, with lazily made lists of candidates.
 ///
@@ -32,20 +40,29 @@ pub(crate) struct PointIndex {
     lists: RefCell<Lists>,
 }
 
+/// Points in whole blocks, filled up with [`NOWHERE_M`]: first all of them, then one list after the other.
 #[derive(Debug, Default)]
 struct Lists {
-    /// Places of the points, padded with [`NOWHERE_M`] to whole blocks.
     x_m: Vec<f64>,
     y_m: Vec<f64>,
-    /// Squared distances to the centre of the cell under work.
+    /// Where the lists begin.
+    n_all: usize,
+    /// Squared distances to the centre of the cell under work, and who is a candidate.
     square_m2: Vec<f64>,
-    /// Which use of the index a range is of.
+    is_candidate: Vec<u8>,
+    /// Which use of the index a list is of.
     turn: u32,
-    /// For each cell when it was made and the range of its candidates.
-    ranges: Vec<(u32, u32, u32)>,
-    /// Candidates of all cells, each cell's padded to whole blocks.
-    candidate_x_m: Vec<f64>,
-    candidate_y_m: Vec<f64>,
+    fine: Vec<Kept>,
+    coarse: Vec<Kept>,
+}
+
+/// Where the list of a cell is kept, and which cell's it is.
+#[derive(Clone, Copy, Debug, Default)]
+struct Kept {
+    turn: u32,
+    cell: [u16; 2],
+    from: u32,
+    to: u32,
 }
 
 impl Default for PointIndex {
@@ -60,122 +77,234 @@ impl PointIndex {
         PointIndex { isa, low: Point2::origin(), n_side: 0, reach_m: 0.0, lists: RefCell::default() }
     }
 
-    /// Makes it an index of the finite points within `reach_m` of `centre`; `false` when there are none.
+    /// Makes it an index of those finite points within `reach_m` of `centre` that belong to it; `false` when
+    /// there are none.
     pub(crate) fn fill(
         &mut self,
-        points: impl Iterator<Item = Point2>,
+        points: &[Point2],
+        belongs: impl Fn(&Point2) -> bool,
         centre: Point2,
         reach_m: f64,
     ) -> bool {
         let lists = self.lists.get_mut();
-        lists.x_m.clear();
-        lists.y_m.clear();
         // A point left out is farther than the reach from every place within it, and no distance above the
         // reach is ever reported: none is too large.
-        for point in points.filter(|p| (p - centre).norm_squared() <= 4.0 * reach_m * reach_m) {
-            lists.x_m.push(point.x);
-            lists.y_m.push(point.y);
-        }
-        if lists.x_m.is_empty() {
+        let is_near = |p: &Point2| (p - centre).norm_squared() <= 4.0 * reach_m * reach_m;
+        if lists.take(points.iter().map(|p| (*p, is_near(p) && belongs(p)))) == 0 {
             return false;
-        }
-        let n_padded = lists.x_m.len().next_multiple_of(N_BLOCK);
-        for of in [&mut lists.x_m, &mut lists.y_m, &mut lists.square_m2] {
-            of.resize(n_padded, NOWHERE_M);
         }
         self.n_side = ((2.0 * reach_m / CELL_M).ceil() as usize + 1).clamp(1, N_SIDE_MAX);
         let half_m = self.n_side as f64 * CELL_M / 2.0;
         self.low = Point2::new(centre.x - half_m, centre.y - half_m);
         self.reach_m = reach_m;
-        lists.candidate_x_m.clear();
-        lists.candidate_y_m.clear();
-        lists.turn = lists.turn.wrapping_add(1);
-        if lists.turn == 0 {
-            // After four billion uses an old range could look new.
-            lists.ranges.clear();
-            lists.turn = 1;
-        }
-        lists.ranges.resize(self.n_side * self.n_side, (0, 0, 0));
+        lists.begin();
         true
     }
 
     /// Distance to the nearest point, metres, at most the reach; exact for places within the reach.
+    #[inline]
     pub(crate) fn distance_m(&self, place: Point2) -> f64 {
+        let mut lists = self.lists.borrow_mut();
+        let range = self.cell(place).map_or(0..lists.n_all, |cell| lists.of_cell(self.isa, self.low, cell));
+        let (x_m, y_m) = (&lists.x_m[range.clone()], &lists.y_m[range]);
+        self.isa.run(Nearest { x_m, y_m, place }).sqrt().min(self.reach_m)
+    }
+
+    /// Calls `take` with points around a place, about `n` of them and evenly out of those that can be nearest
+    /// there.
+    pub(crate) fn for_each_near(&self, place: Point2, n: usize, mut take: impl FnMut(Point2)) {
+        let mut lists = self.lists.borrow_mut();
+        let Some(cell) = self.cell(place) else { return };
+        let range = lists.of_cell(self.isa, self.low, cell);
+        let every = range.len().div_ceil(n.max(1)).max(1);
+        for at in range.step_by(every).filter(|at| lists.x_m[*at] < NOWHERE_M) {
+            take(Point2::new(lists.x_m[at], lists.y_m[at]));
+        }
+    }
+
+    /// Column and row of a place's cell.
+    #[inline]
+    fn cell(&self, place: Point2) -> Option<[usize; 2]> {
         let (x, y) = ((place.x - self.low.x) / CELL_M, (place.y - self.low.y) / CELL_M);
         let side = self.n_side as f64;
-        let mut lists = self.lists.borrow_mut();
-        if !(x >= 0.0 && y >= 0.0 && x < side && y < side) {
-            return lists.distances_from(self.isa, place).sqrt().min(self.reach_m);
-        }
-        let (col, row) = (x as usize, y as usize);
-        let cell_idx = row * self.n_side + col;
-        let (made, mut from, mut to) = lists.ranges[cell_idx];
-        if made != lists.turn {
-            let centre = self.low + Point2::new(col as f64 + 0.5, row as f64 + 0.5).coords * CELL_M;
-            (from, to) = lists.list(self.isa, centre);
-            lists.ranges[cell_idx] = (lists.turn, from, to);
-        }
-        let Lists { candidate_x_m, candidate_y_m, square_m2, .. } = &mut *lists;
-        let range = from as usize..to as usize;
-        let (x_m, y_m) = (&candidate_x_m[range.clone()], &candidate_y_m[range]);
-        self.isa.run(Distances { x_m, y_m, square_m2, place }).sqrt().min(self.reach_m)
+        (x >= 0.0 && y >= 0.0 && x < side && y < side).then_some([x as usize, y as usize])
     }
 }
 
 impl Lists {
-    /// Lists what can be nearest anywhere in the cell around `centre`: a point farther than the nearest by
-    /// more than a diagonal cannot.
-    fn list(&mut self, isa: Isa, centre: Point2) -> (u32, u32) {
-        let nearest_m = self.distances_from(isa, centre).sqrt();
-        let limit_m = nearest_m + CELL_M * std::f64::consts::SQRT_2 + 1e-9;
-        let limit_m2 = limit_m * limit_m;
-        let from = self.candidate_x_m.len() as u32;
-        for (block, square_m2) in self.square_m2.chunks_exact(N_BLOCK).enumerate() {
-            if square_m2.iter().fold(0, |any, d| any | u32::from(*d <= limit_m2)) == 0 {
-                continue;
-            }
-            for (k, _) in square_m2.iter().enumerate().filter(|(_, d)| **d <= limit_m2) {
-                let at = block * N_BLOCK + k;
-                self.candidate_x_m.push(self.x_m[at]);
-                self.candidate_y_m.push(self.y_m[at]);
-            }
+    /// Takes those points that are to be taken; how many.
+    fn take(&mut self, points: impl ExactSizeIterator<Item = (Point2, bool)>) -> usize {
+        let n_most = points.len();
+        self.x_m.resize(n_most, NOWHERE_M);
+        self.y_m.resize(n_most, NOWHERE_M);
+        let (x_m, y_m) = (&mut self.x_m[..n_most], &mut self.y_m[..n_most]);
+        // Written whether taken or not, without a branch; who is not taken is written over.
+        let mut n = 0_usize;
+        for (point, is_taken) in points {
+            (x_m[n], y_m[n]) = (point.x, point.y);
+            n = n.wrapping_add(usize::from(is_taken));
         }
-        let n_padded = self.candidate_x_m.len().next_multiple_of(N_BLOCK);
-        self.candidate_x_m.resize(n_padded, NOWHERE_M);
-        self.candidate_y_m.resize(n_padded, NOWHERE_M);
-        (from, n_padded as u32)
+        self.x_m.truncate(n);
+        self.y_m.truncate(n);
+        n
     }
 
-    /// Notes the squared distance of every point from a place; the smallest, m².
-    fn distances_from(&mut self, isa: Isa, place: Point2) -> f64 {
-        isa.run(Distances { x_m: &self.x_m, y_m: &self.y_m, square_m2: &mut self.square_m2, place })
+    /// Begins another use, on the points that are there.
+    fn begin(&mut self) {
+        self.fill_up();
+        self.n_all = self.x_m.len();
+        self.square_m2.resize(self.n_all, 0.0);
+        self.is_candidate.resize(self.n_all, 0);
+        self.turn = self.turn.wrapping_add(1);
+        if self.turn == 0 {
+            // After four billion uses an old list could look new.
+            self.fine.clear();
+            self.coarse.clear();
+            self.turn = 1;
+        }
+        self.fine.resize(N_KEPT[0] * N_KEPT[0], Kept::default());
+        self.coarse.resize(N_KEPT[1] * N_KEPT[1], Kept::default());
+    }
+
+    /// What can be nearest in a cell, by its column and row.
+    #[inline]
+    fn of_cell(&mut self, isa: Isa, low: Point2, [col, row]: [usize; 2]) -> Range<usize> {
+        let slot = (row % N_KEPT[0]) * N_KEPT[0] + col % N_KEPT[0];
+        let cell = [col as u16, row as u16];
+        match self.fine.get(slot) {
+            Some(kept) if kept.turn == self.turn && kept.cell == cell => kept.from as usize..kept.to as usize,
+            _ => self.list_cell(isa, low, [col, row]),
+        }
+    }
+
+    #[inline(never)]
+    fn list_cell(&mut self, isa: Isa, low: Point2, [col, row]: [usize; 2]) -> Range<usize> {
+        let [coarse_col, coarse_row] = [col / N_COARSE, row / N_COARSE];
+        let slot = (coarse_row % N_KEPT[1]) * N_KEPT[1] + coarse_col % N_KEPT[1];
+        let cell = [coarse_col as u16, coarse_row as u16];
+        let kept = self.coarse[slot];
+        let around = if kept.turn == self.turn && kept.cell == cell {
+            kept.from as usize..kept.to as usize
+        } else {
+            let side_m = CELL_M * N_COARSE as f64;
+            let range = self.list(isa, 0..self.n_all, centre(low, [coarse_col, coarse_row], side_m), side_m);
+            self.coarse[slot] =
+                Kept { turn: self.turn, cell, from: range.start as u32, to: range.end as u32 };
+            range
+        };
+        let range = self.list(isa, around, centre(low, [col, row], CELL_M), CELL_M);
+        let slot = (row % N_KEPT[0]) * N_KEPT[0] + col % N_KEPT[0];
+        let cell = [col as u16, row as u16];
+        self.fine[slot] = Kept { turn: self.turn, cell, from: range.start as u32, to: range.end as u32 };
+        range
+    }
+
+    /// Lists which of some points can be nearest anywhere in the square of `side_m` around `centre`.
+    fn list(&mut self, isa: Isa, of: Range<usize>, centre: Point2, side_m: f64) -> Range<usize> {
+        let n = of.len();
+        let (square_m2, is_candidate) = (&mut self.square_m2[..n], &mut self.is_candidate[..n]);
+        let (x_m, y_m) = (&self.x_m[of.clone()], &self.y_m[of.clone()]);
+        isa.run(Candidates { x_m, y_m, square_m2, is_candidate, centre, side_m });
+        let from = self.x_m.len();
+        for (block, flags) in self.is_candidate[..n].as_chunks::<N_BLOCK>().0.iter().enumerate() {
+            if u64::from_ne_bytes(*flags) == 0 {
+                continue;
+            }
+            for at in (0..N_BLOCK).filter(|k| flags[*k] != 0).map(|k| of.start + block * N_BLOCK + k) {
+                self.x_m.push(self.x_m[at]);
+                self.y_m.push(self.y_m[at]);
+            }
+        }
+        self.fill_up();
+        from..self.x_m.len()
+    }
+
+    /// Fills the last block up.
+    fn fill_up(&mut self) {
+        let n_padded = self.x_m.len().next_multiple_of(N_BLOCK);
+        self.x_m.resize(n_padded, NOWHERE_M);
+        self.y_m.resize(n_padded, NOWHERE_M);
     }
 }
 
-/// The squared distances of all points from a place, and the smallest.
-struct Distances<'a> {
+fn centre(low: Point2, [col, row]: [usize; 2], side_m: f64) -> Point2 {
+    Point2::new(low.x + (col as f64 + 0.5) * side_m, low.y + (row as f64 + 0.5) * side_m)
+}
+
+/// The squared distance to the nearest of some points, m².
+struct Nearest<'a> {
     x_m: &'a [f64],
     y_m: &'a [f64],
-    square_m2: &'a mut [f64],
     place: Point2,
 }
 
-impl Work for Distances<'_> {
+impl Work for Nearest<'_> {
     type Output = f64;
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> f64 {
         let mut least_m2 = [f64::INFINITY; N_BLOCK];
         let points = self.x_m.chunks_exact(N_BLOCK).zip(self.y_m.chunks_exact(N_BLOCK));
-        for ((x_m, y_m), square_m2) in points.zip(self.square_m2.chunks_exact_mut(N_BLOCK)) {
+        for (x_m, y_m) in points {
             for k in 0..N_BLOCK {
                 let (dx, dy) = (x_m[k] - self.place.x, y_m[k] - self.place.y);
-                let square = dx * dx + dy * dy;
-                square_m2[k] = square;
-                least_m2[k] = if square < least_m2[k] { square } else { least_m2[k] };
+                least_m2[k] = least(dx * dx + dy * dy, least_m2[k]);
             }
         }
-        least_m2.into_iter().fold(f64::INFINITY, f64::min)
+        let [a, b, c, d, e, f, g, h] = least_m2;
+        least(least(least(a, b), least(c, d)), least(least(e, f), least(g, h)))
     }
+}
+
+/// Which of some points can be nearest to some place in a square.
+///
+/// Who is farther than the one nearest to the centre from all four corners, is so everywhere between them: the
+/// difference of two squared distances is linear.
+struct Candidates<'a> {
+    x_m: &'a [f64],
+    y_m: &'a [f64],
+    square_m2: &'a mut [f64],
+    is_candidate: &'a mut [u8],
+    centre: Point2,
+    side_m: f64,
+}
+
+impl Work for Candidates<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Candidates { x_m, y_m, square_m2, is_candidate, centre, side_m } = self;
+        let n = x_m.len().min(y_m.len()).min(square_m2.len()).min(is_candidate.len());
+        let (x_m, y_m) = (&x_m[..n], &y_m[..n]);
+        let (square_m2, is_candidate) = (&mut square_m2[..n], &mut is_candidate[..n]);
+        let (mut least_m2, mut at) = ([f64::INFINITY; N_BLOCK], [0_u64; N_BLOCK]);
+        let points = x_m.chunks_exact(N_BLOCK).zip(y_m.chunks_exact(N_BLOCK));
+        for (block, ((x_m, y_m), square_m2)) in points.zip(square_m2.chunks_exact_mut(N_BLOCK)).enumerate() {
+            for k in 0..N_BLOCK {
+                let (dx, dy) = (x_m[k] - centre.x, y_m[k] - centre.y);
+                let square = dx * dx + dy * dy;
+                square_m2[k] = square;
+                at[k] = if square < least_m2[k] { block as u64 } else { at[k] };
+                least_m2[k] = least(square, least_m2[k]);
+            }
+        }
+        let mut lane = 0;
+        for k in 1..N_BLOCK {
+            lane = if least_m2[k] < least_m2[lane] { k } else { lane };
+        }
+        let nearest = at[lane] as usize * N_BLOCK + lane;
+        let (Some(nearest_x), Some(nearest_y)) = (x_m.get(nearest), y_m.get(nearest)) else { return };
+        let limit_m2 = least_m2[lane] + ROUNDING_M2;
+        for k in 0..n {
+            let apart_m = (x_m[k] - nearest_x).abs() + (y_m[k] - nearest_y).abs();
+            is_candidate[k] = u8::from(square_m2[k] - limit_m2 <= side_m * apart_m);
+        }
+    }
+}
+
+/// The smaller of two: one instruction where NaN is not asked about.
+#[inline(always)]
+fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
 #[cfg(test)]
@@ -192,11 +321,11 @@ mod tests {
             let points: Vec<Point2> = raw.iter().map(|&(x, y)| Point2::new(x, y)).collect();
             let mut index = PointIndex::default();
             // What a former scan left must not count.
-            index.fill(places.iter().map(|&(x, y)| Point2::new(x, y)), Point2::origin(), 10.0);
-            index.distance_m(Point2::new(places[0].0, places[0].1));
-            assert!(index.fill(points.iter().copied(), Point2::origin(), 10.0));
-            for (x, y) in places {
-                let place = Point2::new(x, y);
+            let places: Vec<Point2> = places.into_iter().map(|(x, y)| Point2::new(x, y)).collect();
+            index.fill(&places, |_| true, Point2::origin(), 10.0);
+            index.distance_m(places[0]);
+            assert!(index.fill(&points, |_| true, Point2::origin(), 10.0));
+            for place in places {
                 let slow = points.iter().map(|p| (p - place).norm()).fold(f64::INFINITY, f64::min);
                 prop_assert!((index.distance_m(place) - slow.min(10.0)).abs() < 1e-12);
             }
@@ -206,6 +335,6 @@ mod tests {
     #[test]
     fn points_that_are_not_finite_or_far_out_of_reach_are_left_out() {
         let points = [Point2::new(f64::NAN, 0.0), Point2::new(99.0, 0.0)];
-        assert!(!PointIndex::default().fill(points.into_iter(), Point2::origin(), 3.0));
+        assert!(!PointIndex::default().fill(&points, |_| true, Point2::origin(), 3.0));
     }
 }

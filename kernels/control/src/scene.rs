@@ -5,7 +5,7 @@
 //! braking), and which scan hits may move. It is built once per tick and only read afterwards.
 
 use geometry::Point2;
-use mapping::DistanceField;
+use mapping::{DistanceField, Layout, Spot};
 
 use crate::config::Disturbance;
 use crate::dynamics::{Limits, State};
@@ -41,6 +41,33 @@ pub(crate) enum Source {
     Points,
     /// Position in [`World::rules`].
     Rule(usize),
+}
+
+/// A place that many layers are asked about: those that lie on one layout share its spot there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub point: Point2,
+    on: Option<(Layout, Spot)>,
+}
+
+impl Place {
+    #[inline]
+    pub(crate) fn at(point: Point2) -> Place {
+        Place { point, on: None }
+    }
+
+    /// The same as [`DistanceField::sample`].
+    #[inline]
+    fn sample(&mut self, field: &DistanceField) -> f64 {
+        match &self.on {
+            Some((layout, spot)) if layout == field.layout() => field.sample_at(spot),
+            _ => {
+                let spot = Spot::of(field.layout(), self.point);
+                self.on = Some((*field.layout(), spot));
+                field.sample_at(&spot)
+            }
+        }
+    }
 }
 
 /// Where the distance of a spatial layer comes from.
@@ -93,10 +120,16 @@ impl SpatialLayer<'_> {
     /// Margin of the hull at a place after `seconds` of motion, metres.
     #[inline]
     pub(crate) fn margin_m(&self, place: Point2, seconds: f64) -> f64 {
+        self.margin_at(&mut Place::at(place), seconds)
+    }
+
+    /// The same at a place that other layers are asked about, too.
+    #[inline]
+    pub(crate) fn margin_at(&self, place: &mut Place, seconds: f64) -> f64 {
         match &self.shape {
-            Shape::Field(field) => field.sample(place) - self.keep_m,
+            Shape::Field(field) => place.sample(field) - self.keep_m,
             Shape::Points(index, closing_m_s) => {
-                index.distance_m(place) - self.keep_m - closing_m_s * seconds
+                index.distance_m(place.point) - self.keep_m - closing_m_s * seconds
             }
         }
     }
@@ -116,8 +149,14 @@ impl LimitLayer<'_> {
     /// Margin of the hull to the zone, metres; negative infinity for a global limit.
     #[inline]
     pub(crate) fn zone_margin_m(&self, place: Point2) -> f64 {
+        self.zone_margin_at(&mut Place::at(place))
+    }
+
+    /// The same at a place that other layers are asked about, too.
+    #[inline]
+    pub(crate) fn zone_margin_at(&self, place: &mut Place) -> f64 {
         match self.zone {
-            Some((field, keep_m)) => field.sample(place) - keep_m,
+            Some((field, keep_m)) => place.sample(field) - keep_m,
             None => f64::NEG_INFINITY,
         }
     }
@@ -157,27 +196,28 @@ impl<'w> Scene<'w> {
         let mut scene = Scene { assumptions, start, spatial, limits, segment_guard_m: 0.0 };
         scene.segment_guard_m = scene.longest_segment_guard_m();
         let radius_m = assumptions.radius_m;
+        let here = &mut Place::at(start.position());
         for (idx, layer) in world.base.iter().enumerate() {
-            scene.add_spatial(Source::Base(idx), Shape::Field(&layer.field), radius_m);
+            scene.add_spatial(Source::Base(idx), Shape::Field(&layer.field), radius_m, here);
         }
-        scene.add_points(world, spare);
+        scene.add_points(world, spare, here);
         for (idx, rule) in world.rules.iter().enumerate() {
-            scene.add_rule(Source::Rule(idx), &rule.demand, stands_still(&rule.id));
+            scene.add_rule(Source::Rule(idx), &rule.demand, stands_still(&rule.id), here);
         }
         scene.spatial.sort_by(|a, b| a.start_m.total_cmp(&b.start_m));
         scene
     }
 
     /// Adds a layer that the hull must stay clear of.
-    fn add_spatial(&mut self, source: Source, shape: Shape<'w>, keep_m: f64) {
+    fn add_spatial(&mut self, source: Source, shape: Shape<'w>, keep_m: f64, here: &mut Place) {
         let mut layer = SpatialLayer { source, shape, keep_m, start_m: 0.0, soft: false };
-        layer.start_m = layer.margin_m(self.start.position(), 0.0);
+        layer.start_m = layer.margin_at(here, 0.0);
         layer.soft = layer.start_m <= 0.0 && !layer.is_base();
         self.spatial.push(layer);
     }
 
     /// Adds the scan, those hits apart that are on no map and may move.
-    fn add_points(&mut self, world: &World, spare: &mut Vec<PointIndex>) {
+    fn add_points(&mut self, world: &World, spare: &mut Vec<PointIndex>, here: &mut Place) {
         let Assumptions { limits, radius_m, closing_speed_m_s, .. } = self.assumptions;
         let centre = self.start.position();
         // Turning half round and driving away must stay within reach.
@@ -190,8 +230,8 @@ impl<'w> Scene<'w> {
                 break;
             }
             let mut index = spare.pop().unwrap_or_default();
-            if index.fill(world.points.iter().copied().filter(|p| moves(p) == is_moving), centre, reach_m) {
-                self.add_spatial(Source::Points, Shape::Points(index, closing_m_s), radius_m);
+            if index.fill(&world.points, |p| moves(p) == is_moving, centre, reach_m) {
+                self.add_spatial(Source::Points, Shape::Points(index, closing_m_s), radius_m, here);
             } else {
                 spare.push(index);
             }
@@ -206,21 +246,23 @@ impl<'w> Scene<'w> {
         }));
     }
 
-    fn add_rule(&mut self, source: Source, demand: &'w Demand, stands_still: bool) {
+    fn add_rule(&mut self, source: Source, demand: &'w Demand, stands_still: bool, here: &mut Place) {
         let radius_m = self.assumptions.radius_m;
         let infinity = f64::INFINITY;
         match demand {
             Demand::Exclusion { zone, buffer_m } => {
-                self.add_spatial(source, Shape::Field(zone), radius_m + buffer_m);
+                self.add_spatial(source, Shape::Field(zone), radius_m + buffer_m, here);
             }
-            Demand::SpeedCap { speed_m_s_max } => self.add_limit(source, None, *speed_m_s_max, infinity),
+            Demand::SpeedCap { speed_m_s_max } => {
+                self.add_limit(source, None, (*speed_m_s_max, infinity), here);
+            }
             Demand::Limit { zone: Some(zone), buffer_m, speed_m_s_max: Some(0.0), .. } if !stands_still => {
-                self.add_spatial(source, Shape::Field(zone), radius_m + buffer_m);
+                self.add_spatial(source, Shape::Field(zone), radius_m + buffer_m, here);
             }
             Demand::Limit { zone, buffer_m, speed_m_s_max, yaw_rate_rad_s_max } => {
                 let zone = zone.as_deref().map(|field| (field, radius_m + buffer_m));
                 let (speed, yaw_rate) = (speed_m_s_max.unwrap_or(infinity), yaw_rate_rad_s_max);
-                self.add_limit(source, zone, speed, yaw_rate.unwrap_or(infinity));
+                self.add_limit(source, zone, (speed, yaw_rate.unwrap_or(infinity)), here);
             }
         }
     }
@@ -229,8 +271,8 @@ impl<'w> Scene<'w> {
         &mut self,
         source: Source,
         zone: Option<(&'w DistanceField, f64)>,
-        speed_m_s_max: f64,
-        yaw_rate_rad_s_max: f64,
+        (speed_m_s_max, yaw_rate_rad_s_max): (f64, f64),
+        here: &mut Place,
     ) {
         let with_tolerance = |limit: f64| if limit > 0.0 { limit + LIMIT_TOLERANCE } else { 0.0 };
         let mut layer = LimitLayer {
@@ -241,7 +283,7 @@ impl<'w> Scene<'w> {
             start_m: 0.0,
             braking_from_m_s: None,
         };
-        layer.start_m = layer.zone_margin_m(self.start.position());
+        layer.start_m = layer.zone_margin_at(here);
         let inside = layer.start_m <= self.zone_guard_m(self.tube_m(self.start.speed_m_s, 0.0, 0.0));
         let measured_m_s = self.start.speed_m_s - self.assumptions.disturbance.speed_m_s;
         if inside && measured_m_s > layer.speed_m_s {
@@ -304,9 +346,9 @@ impl<'w> Scene<'w> {
 
     /// The layers that bind, with the smallest margin at a place, metres. Infinite when none binds.
     pub(crate) fn nearest(&self, place: Point2, seconds: f64) -> (f64, Option<Source>) {
-        let mut nearest = (f64::INFINITY, None);
+        let (mut nearest, mut place) = ((f64::INFINITY, None), Place::at(place));
         for layer in self.spatial.iter().filter(|layer| !layer.soft) {
-            let margin_m = layer.margin_m(place, seconds);
+            let margin_m = layer.margin_at(&mut place, seconds);
             if margin_m < nearest.0 {
                 nearest = (margin_m, Some(layer.source));
             }

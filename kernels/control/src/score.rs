@@ -10,7 +10,11 @@ use geometry::Point2;
 
 use crate::dynamics::{Control, Moved, State};
 use crate::noise::Noise;
-use crate::scene::{Assumptions, Scene, Shape};
+use crate::scene::{Assumptions, Place, Scene, Shape};
+
+mod bounds;
+
+pub(crate) use bounds::Bounds;
 
 /// Fields interpolated bilinearly change by at most this much a metre.
 pub(crate) const FIELD_SLOPE: f64 = std::f64::consts::SQRT_2;
@@ -65,7 +69,8 @@ impl Runner {
             runner.here_m = runner.here_m.min(layer.start_m);
         }
         runner.kept_m = runner.here_m - scene.assumptions.disturbance.position_m;
-        runner.zones = runner.zones_here(scene, scene.tube_m(speed_m_s, 0.0, 0.0));
+        let place = &mut Place::at(scene.start.position());
+        runner.zones = runner.zones_here(scene, scene.tube_m(speed_m_s, 0.0, 0.0), place);
         runner
     }
 
@@ -110,8 +115,9 @@ impl Runner {
         let tube_m = scene.tube_m(self.start_m_s, self.moving_s, self.path_m);
         let lost_m = scene.loss_m(length_m, turn_rad) + tube_m;
         let before_m = self.here_m;
+        let place = &mut Place::at(Point2::new(self.x_m, self.y_m));
         if moving {
-            self.here_m = self.nearest_m(scene, scene.zone_guard_m(tube_m));
+            self.here_m = self.nearest_m(scene, scene.zone_guard_m(tube_m), place);
         }
         self.kept_m = self.kept_m.min(before_m.min(self.here_m) - lost_m);
         if self.kept_m <= floor_m || self.kept_m.is_nan() {
@@ -121,7 +127,7 @@ impl Runner {
             return true;
         }
         if moving {
-            self.zones = self.zones_here(scene, tube_m);
+            self.zones = self.zones_here(scene, tube_m, place);
         }
         let measured_m_s = if from_s == 0.0 { scene.assumptions.disturbance.speed_m_s } else { 0.0 };
         let from = (from_m_s - measured_m_s, from_s);
@@ -131,8 +137,7 @@ impl Runner {
     /// The smallest margin here, metres; exact unless it could not lower `kept_m` even after `guard_m` is
     /// lost from it.
     #[inline]
-    fn nearest_m(&self, scene: &Scene<'_>, guard_m: f64) -> f64 {
-        let place = Point2::new(self.x_m, self.y_m);
+    fn nearest_m(&self, scene: &Scene<'_>, guard_m: f64, place: &mut Place) -> f64 {
         let fallen_m = FIELD_SLOPE * self.path_m + scene.assumptions.closing_speed_m_s * self.moving_s;
         let (mut nearest_m, mut skipped_m) = (f64::INFINITY, f64::INFINITY);
         for layer in &scene.spatial {
@@ -151,19 +156,18 @@ impl Runner {
                 }
             }
             if !layer.soft {
-                nearest_m = nearest_m.min(layer.margin_m(place, self.moving_s));
+                nearest_m = nearest_m.min(layer.margin_at(place, self.moving_s));
             }
         }
         nearest_m.min(skipped_m)
     }
 
-    fn zones_here(&self, scene: &Scene<'_>, tube_m: f64) -> u64 {
-        let place = Point2::new(self.x_m, self.y_m);
+    fn zones_here(&self, scene: &Scene<'_>, tube_m: f64, place: &mut Place) -> u64 {
         let guard_m = scene.zone_guard_m(tube_m);
         let fallen_m = FIELD_SLOPE * self.path_m;
         let mut zones = 0;
         for (idx, layer) in scene.limits.iter().enumerate() {
-            let outside = layer.start_m - fallen_m > guard_m || layer.zone_margin_m(place) > guard_m;
+            let outside = layer.start_m - fallen_m > guard_m || layer.zone_margin_at(place) > guard_m;
             // More limits than bits share the last bit: inside one of them is inside all.
             zones |= u64::from(!outside) << idx.min(63);
         }
@@ -220,21 +224,37 @@ pub(crate) struct Best {
     pub controls: Vec<Control>,
     trial: Vec<Control>,
     floor_m: f64,
+    bounds: Bounds,
 }
 
 impl Best {
+    /// What must be kept more than to count, metres.
+    fn above_m(&self) -> f64 {
+        self.value_m.unwrap_or(self.floor_m)
+    }
+
     fn consider(
         &mut self,
         scene: &Scene<'_>,
         runner: Runner,
         controls: impl Iterator<Item = Control> + Clone,
     ) {
-        let floor_m = self.value_m.unwrap_or(self.floor_m);
-        if let Some(value_m) = runner.follow(scene, controls.clone(), floor_m) {
-            self.value_m = Some(value_m);
-            self.controls.clear();
-            self.controls.extend(controls);
-        }
+        self.consider_above(scene, runner, controls, self.above_m());
+    }
+
+    /// Follows a sequence; whether it keeps more than `floor_m`, and so is the best now.
+    fn consider_above(
+        &mut self,
+        scene: &Scene<'_>,
+        runner: Runner,
+        controls: impl Iterator<Item = Control> + Clone,
+        floor_m: f64,
+    ) -> bool {
+        let Some(value_m) = runner.follow(scene, controls.clone(), floor_m) else { return false };
+        self.value_m = Some(value_m);
+        self.controls.clear();
+        self.controls.extend(controls);
+        true
     }
 
     fn suffices(&self, enough_m: f64) -> bool {
@@ -294,16 +314,30 @@ pub(crate) fn search(
         incumbent.extend(around.iter().take(search.n_steps));
         let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2: -limits.accel_m_s2_max };
         incumbent.resize(search.n_steps, braking);
-        for sample in 0..search.n_samples {
+        let mut bounds = std::mem::take(&mut best.bounds);
+        bounds.find(scene, search, (noise, round), &runner, &incumbent, best.above_m());
+        let sampled = |sample: usize| {
             let draws = noise.sequence(round * search.n_samples + sample);
-            let perturbed = incumbent.iter().zip(draws).map(|(control, (rate, accel))| {
+            incumbent.iter().zip(draws).map(|(control, (rate, accel))| {
                 limits.clamped(Control {
                     yaw_rate_rad_s: control.yaw_rate_rad_s + search.sigma.yaw_rate_rad_s * rate,
                     accel_m_s2: control.accel_m_s2 + search.sigma.accel_m_s2 * accel,
                 })
-            });
-            best.consider(scene, runner, perturbed);
+            })
+        };
+        let mut taken = None;
+        // The most promising first: what it keeps rules most of the others out.
+        let first = bounds.highest();
+        for sample in first.into_iter().chain((0..search.n_samples).filter(|sample| Some(*sample) != first)) {
+            // Of equal values the first sample's counts, as when all are looked at in order.
+            let is_before = taken.is_some_and(|taken| sample < taken);
+            let floor_m = if is_before { best.above_m().next_down() } else { best.above_m() };
+            if bounds.most_m(sample) > floor_m && best.consider_above(scene, runner, sampled(sample), floor_m)
+            {
+                taken = Some(sample);
+            }
         }
+        best.bounds = bounds;
         best.trial = incumbent;
         if best.suffices(enough_m) {
             return;

@@ -64,23 +64,62 @@ impl DistanceField {
     /// Signed distance at a point, metres: bilinear inside, a lower bound outside. NaN in, −∞ out.
     #[must_use]
     pub fn sample(&self, point: Point2) -> f64 {
-        let Layout { origin, resolution_m, shape } = self.layout;
+        self.sample_at(&Spot::of(&self.layout, point))
+    }
+
+    /// The same at a spot of this field's layout; of another layout's, −∞ or some other value of this field.
+    #[must_use]
+    #[inline]
+    pub fn sample_at(&self, spot: &Spot) -> f64 {
+        let Spot { first_idx, next_col, next_row, share_x, share_y, beyond_m } = *spot;
+        let value = |idx: usize| self.values_m.get(idx).map_or(f64::NEG_INFINITY, |value| f64::from(*value));
+        let (left, right) = (value(first_idx), value(first_idx + next_col));
+        let lower = left + share_x * (right - left);
+        let (left, right) = (value(first_idx + next_row), value(first_idx + next_row + next_col));
+        let upper = left + share_x * (right - left);
+        lower + share_y * (upper - lower) - beyond_m
+    }
+}
+
+/// Where a point lies among the cells of a layout: found once, it serves every field on that layout.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot {
+    /// The cell whose centre is to the lower left.
+    first_idx: usize,
+    /// From it to its right and to its upper neighbour; 0 at the border.
+    next_col: usize,
+    next_row: usize,
+    share_x: f64,
+    share_y: f64,
+    /// How far outside the grid the point is, metres.
+    beyond_m: f64,
+}
+
+impl Spot {
+    /// The spot of a point; what is no number is infinitely far outside.
+    #[must_use]
+    #[inline]
+    pub fn of(layout: &Layout, point: Point2) -> Spot {
+        let Layout { origin, resolution_m, shape } = *layout;
         let x = (point.x - origin.x) / resolution_m - 0.5;
         let y = (point.y - origin.y) / resolution_m - 0.5;
         if x.is_nan() || y.is_nan() {
-            return f64::NEG_INFINITY;
+            let beyond_m = f64::INFINITY;
+            return Spot { first_idx: 0, next_col: 0, next_row: 0, share_x: 0.0, share_y: 0.0, beyond_m };
         }
-        let inside_x = x.clamp(0.0, (shape.n_cols - 1) as f64);
-        let inside_y = y.clamp(0.0, (shape.n_rows - 1) as f64);
+        let (last_col, last_row) = (shape.n_cols - 1, shape.n_rows - 1);
+        let (inside_x, inside_y) = (x.clamp(0.0, last_col as f64), y.clamp(0.0, last_row as f64));
         let is_inside = x == inside_x && y == inside_y;
         // Nearly always inside, where the root need not be taken.
         let beyond_m = if is_inside { 0.0 } else { (x - inside_x).hypot(y - inside_y) * resolution_m };
         let (col, row) = (inside_x as usize, inside_y as usize);
-        let (next_col, next_row) = ((col + 1).min(shape.n_cols - 1), (row + 1).min(shape.n_rows - 1));
-        let (share_x, share_y) = (inside_x - col as f64, inside_y - row as f64);
-        let value = |col: usize, row: usize| f64::from(self.values_m[row * shape.n_cols + col]);
-        let lower = value(col, row) + share_x * (value(next_col, row) - value(col, row));
-        let upper = value(col, next_row) + share_x * (value(next_col, next_row) - value(col, next_row));
-        lower + share_y * (upper - lower) - beyond_m
+        Spot {
+            first_idx: row * shape.n_cols + col,
+            next_col: usize::from(col < last_col),
+            next_row: if row < last_row { shape.n_cols } else { 0 },
+            share_x: inside_x - col as f64,
+            share_y: inside_y - row as f64,
+            beyond_m,
+        }
     }
 }

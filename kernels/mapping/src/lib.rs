@@ -33,7 +33,7 @@ pub mod slam;
 pub mod tsdf;
 
 pub use distance::{ChangingField, signed_distance, squared_distance_cells};
-pub use field::DistanceField;
+pub use field::{DistanceField, Spot};
 pub use grid::{Cell, Grid, GridError, Layout, Occupancy, Shape};
 pub use image::{DepthFrame, DepthImage, ImageError, Mask};
 pub use segments::{FusedMask, Fusion, HeatMap, Segments, fuse};

@@ -11,11 +11,12 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use super::*;
 use crate::certificate::certify;
 use crate::config::Method;
+use crate::fast::Isa;
 use crate::filter::Filter;
 use crate::margin::{BaseLayer, RuleLayer};
 use crate::plan::Plan;
 use crate::scene::Scene;
-use crate::score::{Best, Runner, Wanted, search};
+use crate::score::{Best, Bounds, Runner, Wanted, search};
 
 const N_CASES: u64 = 120;
 
@@ -166,6 +167,49 @@ fn the_score_is_the_oracles_and_never_falls_over_the_rounds() {
             last = best.value_m;
         }
     }
+}
+
+#[test]
+fn no_sample_keeps_more_than_its_bound_on_any_instructions() {
+    let (mut n_kept, mut n_looked_at) = (0, 0);
+    for seed in 0..N_CASES * 4 {
+        let mut case = case(seed);
+        let (incumbent, first) = (any_controls(&mut case, 12), any_controls(&mut case, 1)[0]);
+        let search = Search { n_samples: 70, ..search_of(&case.config) };
+        let scene = Scene::of(&case.world, case.start, case.assumptions, &|_| false);
+        let mut runner = Runner::start(&scene);
+        if seed % 3 == 0 && !runner.step(&scene, first, 0.0) {
+            continue;
+        }
+        for isa in Isa::available() {
+            let mut noise = Noise::on(isa);
+            noise.begin(seed, 1, (1, search.n_samples), search.n_steps);
+            noise.draw(1);
+            let kept_m = |sample: usize, floor_m: f64| {
+                let sampled = incumbent.iter().zip(noise.sequence(sample)).map(|(c, (rate, accel))| {
+                    case.assumptions.limits.clamped(Control {
+                        yaw_rate_rad_s: c.yaw_rate_rad_s + search.sigma.yaw_rate_rad_s * rate,
+                        accel_m_s2: c.accel_m_s2 + search.sigma.accel_m_s2 * accel,
+                    })
+                });
+                runner.follow(&scene, sampled, floor_m)
+            };
+            let mut kept: Vec<f64> = (0..search.n_samples).filter_map(|k| kept_m(k, 0.0)).collect();
+            kept.sort_by(f64::total_cmp);
+            let mut bounds = Bounds::default();
+            for floor_m in [0.0, kept.get(kept.len() / 2).copied().unwrap_or(0.05)] {
+                bounds.find(&scene, &search, (&noise, 0), &runner, &incumbent, floor_m);
+                for sample in 0..search.n_samples {
+                    let (found, most_m) = (kept_m(sample, floor_m), bounds.most_m(sample));
+                    assert!(found.is_none_or(|m| m <= most_m), "seed {seed}, {sample}: {found:?} {most_m}");
+                    n_kept += usize::from(found.is_some());
+                    n_looked_at += usize::from(most_m > floor_m);
+                }
+            }
+        }
+    }
+    // Not one in two that are looked at is so in vain.
+    assert!(n_kept > 10_000 && n_looked_at < 2 * n_kept, "{n_kept} {n_looked_at}");
 }
 
 #[test]

@@ -1,0 +1,168 @@
+//! Bounds for all samples of a round at once: which of them can be the best.
+//!
+//! Looks at the layers nearest to the start only. Deliberately not here: what a sample is worth (`score`), the
+//! loops (`fast::rollouts`).
+
+use geometry::Point2;
+use mapping::DistanceField;
+
+use super::{FIELD_SLOPE, Runner, Search};
+use crate::dynamics::Control;
+use crate::fast::rollouts::{Drawn, From, Ground, Hits, Motion, N_STEPS_MAX, ROUNDING_M, Rollouts};
+use crate::noise::Noise;
+use crate::scene::{Assumptions, Scene, Shape};
+
+/// Most fields that are looked at, the nearest.
+const N_FIELDS: usize = 2;
+/// Most points that are looked at around each of two places.
+const N_POINTS: usize = 12;
+/// Below a limit by this is within it for sure, m/s and rad: what f32 may take.
+const LIMIT_ROUNDING: f64 = 1e-4;
+/// Farthest that motions may lead, cells: f32 counts so far well enough.
+const N_CELLS_MAX: f64 = 1024.0;
+
+/// Room for bounds, kept from one round to the next.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Bounds {
+    held: Vec<[f32; 2]>,
+    points: Vec<[f32; 2]>,
+    kept_m: Vec<f32>,
+}
+
+impl Bounds {
+    /// Bounds the samples of a round around an incumbent, of which only those count that keep more than `floor_m`.
+    pub(crate) fn find(
+        &mut self,
+        scene: &Scene<'_>,
+        search: &Search,
+        (noise, round): (&Noise, usize),
+        runner: &Runner,
+        incumbent: &[Control],
+        floor_m: f64,
+    ) {
+        let Bounds { held, points, kept_m } = self;
+        let Assumptions { limits, step_s, radius_m, .. } = scene.assumptions;
+        let turn_and_gain =
+            |c: &Control| [(c.yaw_rate_rad_s * step_s) as f32, (c.accel_m_s2 * step_s) as f32];
+        held.clear();
+        held.extend(incumbent.iter().take(N_STEPS_MAX).map(turn_and_gain));
+        kept_m.clear();
+        kept_m.resize(search.n_samples, f32::INFINITY);
+        let start = Point2::new(runner.x_m, runner.y_m);
+        let (mut grounds, mut n_fields) = ([Ground::NONE; N_FIELDS], 0);
+        let mut hits_n_far = usize::MAX;
+        points.clear();
+        let speed_m_s_max = limits.speed_m_s_max.max(runner.speed_m_s);
+        let reach_m = speed_m_s_max * step_s * held.len() as f64;
+        for layer in scene.spatial.iter().filter(|layer| !layer.soft).take(N_FIELDS + 1) {
+            // Who is farther at the start may matter only once that has been driven.
+            let lead_m = (layer.start_m - runner.path_m - runner.here_m).max(0.0);
+            let n_far = (lead_m / (FIELD_SLOPE * speed_m_s_max * step_s)) as usize;
+            match &layer.shape {
+                Shape::Field(field) => {
+                    if let Some(to) = grounds.get_mut(n_fields)
+                        && let Some(ground) = ground(field, start, reach_m)
+                    {
+                        *to = Ground { keep_m: layer.keep_m as f32, n_far, ..ground };
+                        n_fields += 1;
+                    }
+                }
+                Shape::Points(index, _) => {
+                    hits_n_far = n_far.min(hits_n_far);
+                    // Around the start, and where braking would end.
+                    let stop_m = runner.speed_m_s * runner.speed_m_s / (2.0 * limits.accel_m_s2_max);
+                    let end = Point2::new(start.x + runner.cos * stop_m, start.y + runner.sin * stop_m);
+                    for place in [start, end] {
+                        index.for_each_near(place, N_POINTS, |point| {
+                            points.push([(point.x - start.x) as f32, (point.y - start.y) as f32]);
+                        });
+                    }
+                }
+            }
+        }
+        let sigma = search.sigma;
+        noise.isa().run(Rollouts {
+            motion: motion(scene),
+            from: From {
+                sin: runner.sin as f32,
+                cos: runner.cos as f32,
+                speed_m_s: runner.speed_m_s as f32,
+                kept_m: runner.kept_m as f32,
+                here_m: runner.here_m as f32,
+                tube_m: scene.tube_m(runner.start_m_s, runner.moving_s, runner.path_m) as f32,
+            },
+            grounds: &grounds[..n_fields],
+            hits: Hits { points, keep_m: radius_m as f32, n_far: hits_n_far },
+            drawn: Drawn {
+                held,
+                draws: noise.round(round),
+                n_lanes: noise.n_lanes(),
+                scale: turn_and_gain(&sigma),
+            },
+            n: search.n_samples,
+            floor_m: (floor_m - ROUNDING_M) as f32,
+            kept_m,
+        });
+    }
+
+    /// The most that a sample can keep, metres.
+    #[inline]
+    pub(crate) fn most_m(&self, sample: usize) -> f64 {
+        self.kept_m.get(sample).map_or(f64::INFINITY, |kept_m| f64::from(*kept_m) + ROUNDING_M)
+    }
+
+    /// The sample whose bound is highest.
+    pub(super) fn highest(&self) -> Option<usize> {
+        let bounds = self.kept_m.iter().copied().enumerate();
+        bounds.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(sample, _)| sample)
+    }
+}
+
+fn motion(scene: &Scene<'_>) -> Motion {
+    let Assumptions { limits, step_s, radius_m, disturbance: d, .. } = scene.assumptions;
+    let everywhere = || scene.limits.iter().filter(|layer| layer.zone.is_none());
+    // Who is too fast already may brake down to it: that is left to the exact rollout.
+    let speeds = everywhere().filter(|layer| layer.braking_from_m_s.is_none()).map(|layer| layer.speed_m_s);
+    let speed_m_s_cap = speeds.fold(f64::INFINITY, f64::min) + LIMIT_ROUNDING;
+    let rate_rad_s_cap = everywhere().map(|layer| layer.yaw_rate_rad_s).fold(f64::INFINITY, f64::min);
+    Motion {
+        step_s: step_s as f32,
+        speed_m_s_max: limits.speed_m_s_max as f32,
+        limit: [(limits.yaw_rate_rad_s_max * step_s) as f32, (limits.accel_m_s2_max * step_s) as f32],
+        speed_m_s_cap: speed_m_s_cap as f32,
+        turn_rad_cap: (rate_rad_s_cap * step_s + LIMIT_ROUNDING) as f32,
+        radius_m: radius_m as f32,
+        tube_per_step_m: (d.speed_m_s * step_s) as f32,
+        tube_per_metre: (d.yaw_rad + limits.yaw_rate_rad_s_max * d.delay_s) as f32,
+    }
+}
+
+/// A field as seen from a start; `None` when it is too small, the start outside, or the reach too many cells.
+fn ground(field: &DistanceField, start: Point2, reach_m: f64) -> Option<Ground<'_>> {
+    let layout = field.layout();
+    let [n_cols, n_rows] = [layout.shape.n_cols, layout.shape.n_rows];
+    let (x, y) = (
+        (start.x - layout.origin.x) / layout.resolution_m - 0.5,
+        (start.y - layout.origin.y) / layout.resolution_m - 0.5,
+    );
+    let is_on = |at: f64, n: usize| at > -1.0 && at < n as f64;
+    let is_within = reach_m / layout.resolution_m + 2.0 < N_CELLS_MAX;
+    if n_cols < 2 || n_rows < 2 || !is_on(x, n_cols) || !is_on(y, n_rows) || !is_within {
+        return None;
+    }
+    let cell = |at: f64, n: usize| at.floor().clamp(0.0, (n - 2) as f64);
+    let (col, row) = (cell(x, n_cols), cell(y, n_rows));
+    // One step above the lowest: half a cell below it would round to the cell before.
+    let low = |at: f64| ((-at).max(-N_CELLS_MAX) as f32).next_up();
+    let high = |at: f64, n: usize| ((n - 1) as f64 - at - 2e-4).min(N_CELLS_MAX) as f32;
+    Some(Ground {
+        values_m: field.values_m(),
+        n_cols: i32::try_from(n_cols).ok()?,
+        cells_per_m: (1.0 / layout.resolution_m) as f32,
+        first_idx: i32::try_from(row as usize * n_cols + col as usize).ok()?,
+        share: [(x - col) as f32, (y - row) as f32],
+        low: [low(col), low(row)],
+        high: [high(col, n_cols), high(row, n_rows)],
+        ..Ground::NONE
+    })
+}
