@@ -42,6 +42,9 @@ const TELLING: [Sense; 22] = [
     Sense::Lift,
 ];
 
+/// Most items of a stretch that is only told. Chosen: more is no sentence, and the work stays linear.
+const N_ITEMS_MAX: usize = 40;
+
 /// What a thing is said to be, and what by itself asks for care: told only when an order speaks of it too.
 const STATES: [Sense; 4] = [Sense::Fragile, Sense::Sleeping, Sense::NeedsSpace, Sense::Closed];
 
@@ -51,12 +54,18 @@ const STATES: [Sense; 4] = [Sense::Fragile, Sense::Sleeping, Sense::NeedsSpace, 
 pub fn told(drafts: Vec<(Draft, &[Item])>) -> Option<Vec<Draft>> {
     let mut after_story = false;
     let mut sorted: Vec<(Draft, bool)> = Vec::with_capacity(drafts.len());
-    for (draft, items) in drafts {
+    let joins: Vec<_> = drafts.iter().skip(1).map(|(draft, _)| (draft.join, draft.is_fresh)).collect();
+    for (at, (draft, items)) in drafts.into_iter().enumerate() {
+        // "the high chair tips | if it is nudged"
+        let before_if = joins.get(at) == Some(&(Some(Join::If), false))
+            && items.len() > 1
+            && items.last().is_some_and(|item| item.is_word() && item.text.ends_with('s'));
         let is_tied = !matches!(draft.join, Some(Join::And | Join::But));
         let goes_on = after_story
             && (matches!(draft.join, Some(Join::And | Join::But | Join::Comma))
                 || !draft.is_fresh && matches!(draft.join, Some(Join::If | Join::Because | Join::Until)));
-        after_story = is_background(items, goes_on, is_tied) && (goes_on || may_open(&draft));
+        after_story =
+            is_background(items, goes_on, is_tied || before_if, before_if) && (goes_on || may_open(&draft));
         sorted.push((draft, after_story));
     }
     let (stories, orders): (Vec<_>, Vec<_>) = sorted.iter().partition(|(_, is_story)| *is_story);
@@ -109,12 +118,15 @@ fn may_open(draft: &Draft) -> bool {
     )
 }
 
-fn is_background(items: &[Item], goes_on: bool, is_tied: bool) -> bool {
+fn is_background(items: &[Item], goes_on: bool, is_tied: bool, declares_last: bool) -> bool {
     let plain = |item: &Item| item.is(Sense::Filler);
     let Some(first_at) = items.iter().position(|item| !plain(item) || item.is(Sense::Copula)) else {
         return goes_on && is_tied;
     };
-    let items = &items[first_at..];
+    let items = items.get(first_at..).unwrap_or_default();
+    if items.len() > N_ITEMS_MAX {
+        return false;
+    }
     let Some(first) = items.first() else { return false };
     let of_robot = first.text == "you" || first.text.starts_with("you ");
     // "you scared the cat", "you can hear it": what it did, and what anyone can.
@@ -137,11 +149,16 @@ fn is_background(items: &[Item], goes_on: bool, is_tied: bool) -> bool {
             || item.is_word() && matches!(speech(&item.text), Speech::Verb | Speech::Participle)
             || is_past(item)
     };
-    let n_told = items.iter().skip(1).filter(|item| declares(item)).count();
+    let n_told = (1..items.len())
+        .filter(|at| {
+            items.get(*at).is_some_and(|item| declares(item) || holds(item) && is_done_by_others(items, *at))
+        })
+        .count();
     let by_pronoun = first.is_any(&[Sense::Subject, Sense::ThereIs])
         || first.is(Sense::Pronoun)
             && items.get(1).is_some_and(|item| item.is_word() && item.text.ends_with('s'))
-        || does_with_s(items);
+        || does_with_s(items)
+        || declares_last;
     let harmless = (0..items.len()).all(|at| is_harmless(items, at, opens || goes_on));
     let goes_on = goes_on && (is_tied || items.iter().any(declares));
     harmless && (goes_on || opens && (n_told > 0 || by_pronoun))
@@ -155,7 +172,7 @@ pub fn of_the_past(drafts: Vec<(Draft, &[Item])>) -> Vec<(Draft, &[Item])> {
             && items
                 .get(1)
                 .is_some_and(|item| is_past(item) || item.is(Sense::Statement) && item.text.ends_with("ed"))
-            && is_background(items, false, true)
+            && is_background(items, false, true, false)
     };
     drafts
         .into_iter()
@@ -171,7 +188,7 @@ pub fn of_the_past(drafts: Vec<(Draft, &[Item])>) -> Vec<(Draft, &[Item])> {
 const PERCEIVES: [&str; 6] = ["feel", "see", "hear", "smell", "tell", "imagine"];
 
 /// Words by which someone wants something of someone.
-const DEMANDS: [&str; 28] = [
+const DEMANDS: [&str; 27] = [
     "must",
     "should",
     "shall",
@@ -197,7 +214,6 @@ const DEMANDS: [&str; 28] = [
     "remain",
     "supposed",
     "exclude",
-    "enough",
     "may",
     "belongs",
 ];
@@ -244,13 +260,8 @@ fn is_harmless(items: &[Item], at: usize, has_subject: bool) -> bool {
     {
         return false;
     }
-    // "we keep the dressings there": what others keep.
-    let by_others = before.is_some_and(|before| {
-        before.is(Sense::Subject) && !before.text.starts_with("you") || before.is_word()
-    });
-    if words().any(|word| matches!(word, "keep" | "stay" | "stand"))
-        && item.is_any(&[Sense::Hold, Sense::StayOff])
-    {
+    let by_others = is_done_by_others(items, at);
+    if holds(item) {
         return by_others && has_subject;
     }
     if item.is(Sense::Neg) {
@@ -289,6 +300,25 @@ fn is_harmless(items: &[Item], at: usize, has_subject: bool) -> bool {
     // "the lift is broken": a noun behind its article.
     let is_noun = before.is_some_and(|before| before.is(Sense::Det) && !before.is(Sense::Pronoun));
     is_noun || !item.is_any(&TELLING)
+}
+
+/// "keep", "stand back": an order, unless others do it.
+fn holds(item: &Item) -> bool {
+    let verb = item.text.split(' ').next().unwrap_or_default();
+    matches!(verb, "keep" | "keeps" | "stay" | "stays" | "stand" | "stands")
+        && item.is_any(&[Sense::Hold, Sense::StayOff, Sense::Away])
+}
+
+/// "we keep the dressings there", "visitors stand back": what others do, when nothing is told before it.
+fn is_done_by_others(items: &[Item], at: usize) -> bool {
+    at.checked_sub(1).and_then(|idx| items.get(idx)).is_some_and(|before| {
+        before.is(Sense::Subject) && !before.text.starts_with("you")
+            || before.is_word()
+                && !items
+                    .iter()
+                    .take(at)
+                    .any(|item| item.is_any(&[Sense::Copula, Sense::Statement]) || is_past(item))
+    })
 }
 
 fn words_of_robot(item: &Item) -> bool {

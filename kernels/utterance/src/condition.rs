@@ -3,8 +3,9 @@
 use crate::clause::{Clause, is_limit};
 use crate::draft::{Draft, Place, Region};
 use crate::lexicon::Sense;
-use crate::noun::Name;
+use crate::noun::{Name, Nouns};
 use crate::quantity::Kind;
+use crate::resolve::agrees;
 
 /// Puts a condition into a clause.
 pub fn apply(clause: &mut Clause, condition: &Draft) {
@@ -18,7 +19,10 @@ pub fn apply(clause: &mut Clause, condition: &Draft) {
     }
     let targetless = order.regions.is_empty() && order.names.is_empty();
     // What was touched before is history, which no rule can hold.
-    if condition.has(Sense::VerbTouch) {
+    let is_thing_touched = condition.has(Sense::Copula) && condition.names.iter().any(|name| name.is_pronoun);
+    if is_thing_touched && condition.has(Sense::VerbTouch) {
+        order.leftover.push(condition.words.clone());
+    } else if condition.has(Sense::VerbTouch) {
         order.senses.push(Sense::History);
     }
     let unknown_state = !condition.predicate.is_empty()
@@ -34,6 +38,20 @@ pub fn apply(clause: &mut Clause, condition: &Draft) {
     let others = condition.quantities.iter().any(|q| q.kind != Kind::Distance);
     if others {
         order.leftover.push(condition.words.clone());
+    }
+    let meant_by_pronoun = |name: &Name| order.all_names().all(|pronoun| agrees(&pronoun.reference, name));
+    // "if the door is open, stay out": out of what?
+    let out_of_thing = unknown_state
+        && targetless
+        && order.has(Sense::StayOff)
+        && !regions.iter().flat_map(|region| &region.names).all(|name| Nouns::get().is_place(&name.obj));
+    // "when someone is in the kitchen, stay out of it": of the kitchen, and not of the someone.
+    let of_other = pronouns_only
+        && !targetless
+        && !regions.iter().flat_map(|region| &region.names).all(meant_by_pronoun);
+    if out_of_thing || of_other && !regions.is_empty() {
+        order.leftover.push(condition.words.clone());
+        return;
     }
     if (targetless || pronouns_only && !order.has(Sense::Revoke)) && !regions.is_empty() {
         if is_limit(order) || order.has(Sense::Halt) {

@@ -4,7 +4,7 @@
 //! is told nothing that the robot could heed; a thing that must be avoided (the passive) is another matter. Found here,
 //! such a stretch is asked about: it may well mean the robot.
 
-use crate::item::Item;
+use crate::item::{Item, Sort};
 use crate::lexicon::Sense;
 
 /// What makes a demand of the verb behind it.
@@ -35,6 +35,8 @@ const MODALS: [&str; 22] = [
 /// Verbs of moving that the lexicon has as parts of longer phrases.
 const ACTIVE: [&str; 12] =
     ["stay", "keep", "remain", "avoid", "leave", "slow", "stop", "go", "drive", "enter", "cross", "give"];
+/// Verbs by which people tell of what they do themselves.
+const HABITS: [&str; 8] = ["keep", "keeps", "stay", "stays", "avoid", "avoids", "slow", "slows"];
 /// Whoever these are, the robot is among them.
 const INCLUDES_ROBOT: [&str; 14] = [
     "robots",
@@ -57,13 +59,29 @@ const INCLUDES_ROBOT: [&str; 14] = [
 #[must_use]
 pub fn is_on_others(items: &[Item]) -> bool {
     items.iter().enumerate().any(|(at, item)| {
-        MODALS.contains(&item.text.as_str()) && others_before(items, at) && is_active(items, at + 1)
+        // "must stay away", but "must stay closed"
+        let stays = ["stay", "remain", "keep"].iter().any(|verb| item.text.ends_with(verb))
+            && item.text.contains(' ')
+            && items.get(at + 1).is_some_and(|next| {
+                next.is_any(&[Sense::Away, Sense::StayOff, Sense::Wide, Sense::From, Sense::PrepOn])
+                    || matches!(next.sort, Sort::Quantity(_))
+            });
+        // "I keep a metre from it myself"
+        let own_habit = at > 0
+            && HABITS.contains(&item.text.split(' ').next().unwrap_or_default())
+            && items
+                .get(at - 1)
+                .is_some_and(|who| matches!(who.text.as_str(), "i" | "we" | "he" | "she" | "they"));
+        own_habit
+            || stays && others_before(items, at)
+            || MODALS.contains(&item.text.as_str()) && others_before(items, at) && is_active(items, at + 1)
     })
 }
 
 /// Whether the subject before the modal is a thing, an animal or a person.
 fn others_before(items: &[Item], modal_at: usize) -> bool {
-    let before = &items[..modal_at];
+    const N_ITEMS_MAX: usize = 10;
+    let before = items.get(modal_at.saturating_sub(N_ITEMS_MAX)..modal_at).unwrap_or_default();
     let names_robot = before
         .iter()
         .any(|item| item.text.split(' ').any(|word| INCLUDES_ROBOT.contains(&word) || word == "your"));

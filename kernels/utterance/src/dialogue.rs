@@ -96,12 +96,10 @@ fn with_antecedent(clause: &Clause, active: &[Rule]) -> Draft {
         .filter(|_| draft.has_any(&[Sense::Revoke, Sense::Fine, Sense::Allow, Sense::Lift]))
     {
         let places = draft.regions.iter_mut().flat_map(|region| region.names.iter_mut());
-        draft
-            .names
-            .iter_mut()
-            .chain(places)
-            .filter(|found| found.is_pronoun)
-            .for_each(|found| *found = name.clone());
+        draft.names.iter_mut().chain(places).filter(|found| found.is_pronoun).for_each(|found| {
+            let spot = clause.spots.last().filter(|_| found.reference.contains("there"));
+            *found = spot.unwrap_or(name).clone();
+        });
     }
     draft
 }

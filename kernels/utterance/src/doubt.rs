@@ -6,14 +6,15 @@
 
 use rules::{Relation, Rule, RuleType};
 
-use crate::clause::{Clauses, has_strong_order};
+use crate::clause::{Clause, Clauses, has_strong_order};
 use crate::draft::Draft;
 use crate::exclusion::object;
-use crate::lexicon::Sense;
+use crate::lexicon::{Lexicon, Sense};
 use crate::noun::Name;
 use crate::quantity::{Kind, Quantity};
 use crate::segment::Join;
 use crate::speech::{Speech, speech};
+use crate::text::Token;
 
 /// Metres, m/s or rad/s by which a number may differ from what was said: rounding.
 const SLACK: f64 = 1e-3;
@@ -47,6 +48,24 @@ const POINTERS: [&str; 25] = [
     "elsewhere",
 ];
 
+/// What to ask about the words, whatever was made of them; none when nothing in them casts doubt.
+#[must_use]
+pub fn of_words(tokens: &[Token]) -> Option<String> {
+    let lexicon = Lexicon::get();
+    let doubted = (0..tokens.len()).find_map(|at| Some((at, lexicon.doubt_at(tokens, at)?)));
+    if let Some((at, n_tokens)) = doubted {
+        let said: Vec<&str> =
+            tokens.iter().skip(at).take(n_tokens).map(|token| token.text.as_str()).collect();
+        return Some(format!("You said \"{}\": what should I heed?", said.join(" ")));
+    }
+    // "should you avoid the stairs?", "the rug is off limits?"
+    let asks = tokens.iter().any(|token| token.text == "?");
+    let first = tokens.iter().find(|token| !token.is_mark()).map_or("", |token| token.text.as_str());
+    let is_request = !matches!(first, "should" | "must" | "may" | "shall")
+        && tokens.iter().any(|token| lexicon.is_request(&token.text));
+    (asks && !is_request).then(|| "Is that a question, or something that I should heed?".to_owned())
+}
+
 /// What to ask about one order whose words gave these rules; none when nothing is in doubt.
 #[must_use]
 pub fn of_order(draft: &Draft, rules: &[Rule]) -> Option<String> {
@@ -76,6 +95,10 @@ pub fn of_reading(clauses: &Clauses, rules: &[Rule]) -> Option<String> {
     let stops = |rule: &Rule| rule.relation == Relation::Global && rule.vel_max == Some(0.0);
     if rules.len() > 1 && rules.iter().any(stops) {
         return Some("Should I stop altogether? Please tell me where to stop.".into());
+    }
+    let waits = |clause: &Clause| !clause.notes.is_empty() && clause.draft.has(Sense::Halt);
+    if rules.iter().any(stops) && clauses.orders.iter().any(waits) {
+        return Some("I cannot tell when that is. Should I stop now, or near something?".into());
     }
     // "stay off the rug or go slowly on it": one of two, and we cannot tell which.
     let either = clauses.orders.iter().skip(1).any(|clause| {

@@ -121,6 +121,10 @@ fn is_noun_here(tokens: &[Token], at: usize, before: Option<&Item>) -> bool {
 
 /// "room 3" and "the two chairs" hold numbers that measure nothing.
 fn is_part_of_a_name(quantity: &Quantity, tokens: &[Token], at: usize, before: Option<&Item>) -> bool {
+    // "there is a step down"
+    if quantity.said == "a step" && before.is_some_and(|b| b.is(Sense::ThereIs)) {
+        return true;
+    }
     if quantity.kind != Kind::Bare {
         return false;
     }

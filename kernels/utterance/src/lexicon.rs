@@ -19,6 +19,7 @@ struct File {
     contractions: BTreeMap<String, String>,
     states: States,
     tenses: Tenses,
+    doubts: Doubts,
     bounds: BTreeMap<String, Vec<String>>,
     units: BTreeMap<String, BTreeMap<String, f64>>,
     senses: BTreeMap<Sense, Vec<String>>,
@@ -39,6 +40,15 @@ struct Tenses {
     past: HashSet<String>,
 }
 
+/// Phrases that make a guess of any rule in the same breath.
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Doubts {
+    always: Vec<String>,
+    /// What shows that a question mark asks for a favour.
+    requests: HashSet<String>,
+}
+
 struct Phrase<T> {
     words: Vec<String>,
     meaning: T,
@@ -53,6 +63,8 @@ pub struct Lexicon {
     contractions: HashMap<String, Vec<String>>,
     states: States,
     tenses: Tenses,
+    doubts: Phrases<()>,
+    requests: HashSet<String>,
     bounds: Phrases<Bound>,
     units: Phrases<(Kind, f64)>,
     rate_units: Vec<String>,
@@ -79,6 +91,8 @@ impl Lexicon {
     fn read(text: &str) -> Result<Lexicon, toml::de::Error> {
         let file: File = toml::from_str(text)?;
         let mut lexicon = Lexicon { states: file.states, tenses: file.tenses, ..Lexicon::default() };
+        file.doubts.always.iter().for_each(|phrase| insert(&mut lexicon.doubts, phrase, ()));
+        lexicon.requests = file.doubts.requests;
         for (short, long) in &file.contractions {
             lexicon.contractions.insert(short.clone(), words_of(long));
         }
@@ -144,6 +158,18 @@ impl Lexicon {
     #[must_use]
     pub fn is_past(&self, word: &str) -> bool {
         self.tenses.past.contains(word)
+    }
+
+    /// Tokens of the phrase at `at` that makes a guess of any rule; none when there is none.
+    #[must_use]
+    pub fn doubt_at(&self, tokens: &[Token], at: usize) -> Option<usize> {
+        longest(&self.doubts, tokens, at).map(|(_, n)| n)
+    }
+
+    /// Whether the word shows that a question asks for a favour: "could".
+    #[must_use]
+    pub fn is_request(&self, word: &str) -> bool {
+        self.requests.contains(word)
     }
 
     /// Whether the words, separated by spaces, are a phrase of some sense or bound.

@@ -100,7 +100,7 @@ impl Context<'_> {
         let drafts = background::of_the_past(drafts);
         let clauses = combine(drafts.iter().map(|(draft, _)| draft.clone()).collect());
         let trouble = match self.sum(&clauses) {
-            Ok(sum) => return self.conclude(sum, &clauses),
+            Ok(sum) => return self.concluded(sum, &clauses, tokens),
             Err(trouble) => trouble,
         };
         let asks = !matches!(trouble, Trouble::Unsafe(_) | Trouble::Unsupported(_) | Trouble::NotSafety);
@@ -108,7 +108,7 @@ impl Context<'_> {
         let second = asks.then(|| background::told(drafts)).flatten().map(combine);
         let summed = second.and_then(|second| Some((self.sum(&second).ok()?, second)));
         match summed.filter(|(sum, _)| !sum.added.is_empty()) {
-            Some((sum, second)) => self.conclude(sum, &second),
+            Some((sum, second)) => self.concluded(sum, &second, tokens),
             None => self.explain(trouble, tokens, may_offer),
         }
     }
@@ -124,6 +124,23 @@ impl Context<'_> {
                     return Err(Trouble::Ask(question));
                 }
                 Ok(change) if self.lets_off(clause, &change, &mut sum) => {}
+                // "avoid the furniture, only the rug is ok": of the furniture, or of what?
+                Ok(change)
+                    if change.is_revoke
+                        && change.lifted.is_empty()
+                        && !sum.added.is_empty()
+                        && clause.draft.lead == "only" =>
+                {
+                    let question = format!("What do you mean by \"only {}\"?", clause.draft.words);
+                    first_trouble.get_or_insert(Trouble::Ask(question));
+                }
+                // "I changed my mind, …": what follows says about what.
+                Ok(change)
+                    if change.is_revoke
+                        && clause.draft.senses == [Sense::Revoke]
+                        && clause.draft.all_names().next().is_none()
+                        && clause.draft.words.ends_with("changed my mind")
+                        && clauses.orders.len() > 1 => {}
                 // "open the door with it": part of the task before it, when no rule is about it.
                 Ok(change)
                     if change.is_revoke
@@ -245,6 +262,15 @@ impl Context<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The reply, or a question when the words cast doubt on whatever was understood.
+    fn concluded(&self, sum: Sum, clauses: &Clauses, tokens: &[Token]) -> Reply {
+        let changes = !sum.added.is_empty() || !sum.lifted.is_empty();
+        match doubt::of_words(tokens).filter(|_| changes) {
+            Some(question) => answer::clarify(&question, vec![]),
+            None => self.conclude(sum, clauses),
+        }
     }
 
     fn conclude(&self, sum: Sum, clauses: &Clauses) -> Reply {

@@ -208,7 +208,7 @@ fn spread_over_group(clause: &Clause, draft: &mut Draft) {
 }
 
 /// Whether the pronoun can mean that name: "it" is nobody and not many, "him" is someone.
-fn agrees(pronoun: &str, name: &Name) -> bool {
+pub fn agrees(pronoun: &str, name: &Name) -> bool {
     let nouns = Nouns::get();
     match pronoun {
         "it" | "that" | "this" | "there" | "here" => !nouns.is_someone(&name.obj),

@@ -144,6 +144,31 @@ impl Scanner<'_> {
             self.draft.predicate.push(quantity.said);
             return;
         }
+        // "the door is 90 cm wide": a measure of the thing, and no distance to keep.
+        let measures = quantity.kind == Kind::Distance
+            && self.peek(0).is_some_and(|next| {
+                matches!(
+                    next.text.as_str(),
+                    "wide"
+                        | "deep"
+                        | "long"
+                        | "tall"
+                        | "high"
+                        | "thick"
+                        | "across"
+                        | "in diameter"
+                        | "in length"
+                )
+            });
+        if measures {
+            self.at += 1;
+            if self.draft.has(Sense::Copula) {
+                self.draft.predicate.push(quantity.said);
+            } else {
+                self.draft.leftover.push(quantity.said);
+            }
+            return;
+        }
         // "an hour instead of ten minutes": the old number.
         if matches!(lead, "instead of" | "rather than") {
             return;

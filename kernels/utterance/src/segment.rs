@@ -7,6 +7,7 @@ mod cut;
 
 use std::ops::Range;
 
+use crate::background::is_past;
 use crate::item::Item;
 use crate::lexicon::Sense;
 use cut::cut_before;
@@ -114,8 +115,9 @@ impl Earlier {
             Sense::Careful,
             Sense::Quiet,
         ]);
-        self.told |= item.is_any(&[Sense::Copula, Sense::ThereIs, Sense::Statement, Sense::Revoke])
-            && !item.is(Sense::Filler);
+        self.told |= is_past(item)
+            || item.is_any(&[Sense::Copula, Sense::ThereIs, Sense::Statement, Sense::Revoke])
+                && !item.is(Sense::Filler);
         self.word_or_hold |= item.is_word() || item.is(Sense::Hold);
         self.universal |= item.is(Sense::Det)
             && matches!(item.text.as_str(), "all" | "every" | "any" | "all the" | "all of the");

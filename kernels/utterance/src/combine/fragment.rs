@@ -201,7 +201,15 @@ impl Joiner {
             if only_names && !clause.draft.except.is_empty() && !draft.names.is_empty() {
                 clause.draft.except.extend(draft.names);
             } else if only_names {
-                extend_names(&mut clause.draft, draft.names);
+                let shared = (clause.draft.regions.clone(), clause.draft.names.clone());
+                extend_names(&mut clause.draft, draft.names.clone());
+                // "be quiet and slow near the bed and the crib": both near both.
+                let n_before = self.out.orders.len().saturating_sub(1);
+                if let Some(twin) = self.out.orders.get_mut(..n_before).and_then(|orders| orders.last_mut())
+                    && (&twin.draft.regions, &twin.draft.names) == (&shared.0, &shared.1)
+                {
+                    extend_names(&mut twin.draft, draft.names);
+                }
             } else if clause.draft.regions.is_empty() && clause.draft.names.is_empty() {
                 clause.draft.regions = draft.regions;
             } else {

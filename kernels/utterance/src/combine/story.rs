@@ -163,6 +163,15 @@ impl Joiner {
             // "when turning slow down" was cut badly, or an order hides in it: keep it as an order.
             return self.order(draft);
         }
+        // "it tips if it is nudged": what may happen to the thing, and nothing of the robot.
+        let of_thing =
+            draft.names.first().is_some_and(|name| matches!(name.reference.as_str(), "it" | "they"))
+                && draft.has(Sense::Copula)
+                && draft.regions.is_empty();
+        if of_thing && !draft.is_fresh && self.last == Last::Reason && draft.ttl_s.is_none() {
+            self.out.stories.push(draft);
+            return;
+        }
         // "they fall over if you breathe on them": part of why.
         if has_target && !draft.is_fresh && self.last == Last::Reason && draft.ttl_s.is_none() {
             self.out.stories.push(draft);

@@ -48,6 +48,15 @@ pub(super) fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
     ) {
         return false;
     }
+    // "cables thicker than 2 cm": a measure of the thing, which no rule holds.
+    let compared = item.text.ends_with("er")
+        && items.get(at + 1).is_some_and(|next| {
+            matches!(&next.sort, Sort::Quantity(quantity) if quantity.said.starts_with("than "))
+                || next.text == "than"
+        });
+    if compared {
+        return false;
+    }
     // "water damages the floor": two names need something between them, so this is the verb.
     let article_next = items.get(at + 1).is_some_and(|next| next.is(Sense::Det) && !next.is(Sense::Pronoun));
     if at > words_start && article_next && item.text.ends_with('s') {

@@ -199,7 +199,11 @@ fn cut_by_start(
     let subject = item.is(Sense::Subject)
         || (item.is(Sense::Pronoun)
             && matches!(item.text.as_str(), "it" | "that" | "this" | "those" | "these")
-            && next.is_some_and(|n| n.is(Sense::Copula) && !n.is(Sense::Filler)))
+            && next.is_some_and(|n| {
+                n.is(Sense::Copula) && !n.is(Sense::Filler)
+                    || earlier.told
+                        && matches!(n.text.as_str(), "should not" | "must not" | "may not" | "can not")
+            }))
         || item.is(Sense::ThereIs);
     if subject && named && before.is_some_and(|b| b.is_word() || b.is(Sense::Pronoun)) {
         return Some((Join::Comma, true));

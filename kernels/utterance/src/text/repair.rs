@@ -147,6 +147,8 @@ fn state_follows(tokens: &[Token], at: usize, lexicon: &Lexicon) -> bool {
     let told = tokens.get(at).is_some_and(|next| !matches!(next.text.as_str(), "left" | "right"))
         && tokens.get(at).is_some_and(|next| {
             matches!(speech(&next.text), Speech::Participle | Speech::Adjective | Speech::Verb) && !word_after
+                || speech(&next.text) == Speech::Adverb
+                || next.text.ends_with("ing") && phrase.is_none() && !word_after
                 || matches!(
                     next.text.as_str(),
                     "out" | "off" | "where" | "gone" | "back" | "away" | "here" | "there"
