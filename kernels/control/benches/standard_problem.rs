@@ -1,10 +1,15 @@
-//! Times one step of the standard problem, in a scene made here: full, as shipped, and one score.
+//! Times one step of the standard problem, in a scene made here: full, as shipped, one score, and the whole step of
+//! the filter that drives a robot.
 
 #![allow(missing_docs, reason = "the macros of criterion make undocumented functions")]
 
-use control::Isa;
+use std::time::Duration;
+
+use control::standard::service::{Start, starts};
 use control::standard::{Sampling, Scene, StandardFilter};
+use control::{Filter, FilterConfig, Isa, Method};
 use criterion::{Criterion, criterion_group, criterion_main};
+use geometry::Profile;
 
 const N_SIDE: usize = 200;
 
@@ -74,5 +79,30 @@ fn standard_problem(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, standard_problem);
+/// The whole step: live scan, certificate and words included; a filter for each state.
+fn service(criterion: &mut Criterion) {
+    let scene = scene();
+    let profile = Profile::sim();
+    let Ok(starts) = starts(&scene) else { return };
+    for isa in Isa::available() {
+        for method in [Method::SmoothBlending, Method::LeastRestrictive] {
+            let config = FilterConfig { method, latency_s: 0.0, ..FilterConfig::for_profile(&profile) };
+            let filter = |_: &Start| Filter::new(config.clone(), &profile).map(|filter| filter.on(isa));
+            let Ok(mut filters) = starts.iter().map(filter).collect::<Result<Vec<Filter>, _>>() else {
+                return;
+            };
+            let mut tick = 0_usize;
+            criterion.bench_function(&format!("service, {method:?}, {isa:?}"), |b| {
+                b.iter(|| {
+                    tick += 1;
+                    let idx = (tick * 37) % starts.len();
+                    let Start { state, nominal, world } = &starts[idx];
+                    filters[idx].step(Duration::from_millis(50), *state, *nominal, world)
+                });
+            });
+        }
+    }
+}
+
+criterion_group!(benches, standard_problem, service);
 criterion_main!(benches);

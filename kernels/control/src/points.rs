@@ -11,7 +11,10 @@ use std::ops::Range;
 use geometry::Point2;
 
 use crate::fast::Isa;
-use crate::fast::isa::Work;
+
+mod nearest;
+
+use nearest::{Candidates, N_BLOCK, Nearest};
 
 /// Side of a cell, metres: small enough for short lists, large enough for few cells.
 const CELL_M: f64 = 0.1;
@@ -21,12 +24,8 @@ const N_COARSE: usize = 4;
 const N_SIDE_MAX: usize = 160;
 /// Cells and coarse cells along one side that lists are kept of: who lies so far apart shares its place.
 const N_KEPT: [usize; 2] = [64, 16];
-/// Points looked at together.
-const N_BLOCK: usize = 8;
 /// Stands in for no point: farther than any reach.
 const NOWHERE_M: f64 = 1e9;
-/// More than what rounding takes from the squares of distances within reach, m².
-const ROUNDING_M2: f64 = 1e-9;
 
 /// The points within reach, with lazily made lists of candidates.
 ///
@@ -37,7 +36,8 @@ pub(crate) struct PointIndex {
     low: Point2,
     n_side: usize,
     reach_m: f64,
-    lists: RefCell<Lists>,
+    /// Apart, so that a scene moves little.
+    lists: Box<RefCell<Lists>>,
 }
 
 /// Points in whole blocks, filled up with [`NOWHERE_M`]: first all of them, then one list after the other.
@@ -74,7 +74,7 @@ impl Default for PointIndex {
 impl PointIndex {
     /// An index of nothing.
     pub(crate) fn on(isa: Isa) -> PointIndex {
-        PointIndex { isa, low: Point2::origin(), n_side: 0, reach_m: 0.0, lists: RefCell::default() }
+        PointIndex { isa, low: Point2::origin(), n_side: 0, reach_m: 0.0, lists: Box::default() }
     }
 
     /// Makes it an index of those finite points within `reach_m` of `centre` that belong to it; `false` when
@@ -229,82 +229,6 @@ impl Lists {
 
 fn centre(low: Point2, [col, row]: [usize; 2], side_m: f64) -> Point2 {
     Point2::new(low.x + (col as f64 + 0.5) * side_m, low.y + (row as f64 + 0.5) * side_m)
-}
-
-/// The squared distance to the nearest of some points, m².
-struct Nearest<'a> {
-    x_m: &'a [f64],
-    y_m: &'a [f64],
-    place: Point2,
-}
-
-impl Work for Nearest<'_> {
-    type Output = f64;
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) -> f64 {
-        let mut least_m2 = [f64::INFINITY; N_BLOCK];
-        let points = self.x_m.chunks_exact(N_BLOCK).zip(self.y_m.chunks_exact(N_BLOCK));
-        for (x_m, y_m) in points {
-            for k in 0..N_BLOCK {
-                let (dx, dy) = (x_m[k] - self.place.x, y_m[k] - self.place.y);
-                least_m2[k] = least(dx * dx + dy * dy, least_m2[k]);
-            }
-        }
-        let [a, b, c, d, e, f, g, h] = least_m2;
-        least(least(least(a, b), least(c, d)), least(least(e, f), least(g, h)))
-    }
-}
-
-/// Which of some points can be nearest to some place in a square.
-///
-/// Who is farther than the one nearest to the centre from all four corners, is so everywhere between them: the
-/// difference of two squared distances is linear.
-struct Candidates<'a> {
-    x_m: &'a [f64],
-    y_m: &'a [f64],
-    square_m2: &'a mut [f64],
-    is_candidate: &'a mut [u8],
-    centre: Point2,
-    side_m: f64,
-}
-
-impl Work for Candidates<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        let Candidates { x_m, y_m, square_m2, is_candidate, centre, side_m } = self;
-        let n = x_m.len().min(y_m.len()).min(square_m2.len()).min(is_candidate.len());
-        let (x_m, y_m) = (&x_m[..n], &y_m[..n]);
-        let (square_m2, is_candidate) = (&mut square_m2[..n], &mut is_candidate[..n]);
-        let (mut least_m2, mut at) = ([f64::INFINITY; N_BLOCK], [0_u64; N_BLOCK]);
-        let points = x_m.chunks_exact(N_BLOCK).zip(y_m.chunks_exact(N_BLOCK));
-        for (block, ((x_m, y_m), square_m2)) in points.zip(square_m2.chunks_exact_mut(N_BLOCK)).enumerate() {
-            for k in 0..N_BLOCK {
-                let (dx, dy) = (x_m[k] - centre.x, y_m[k] - centre.y);
-                let square = dx * dx + dy * dy;
-                square_m2[k] = square;
-                at[k] = if square < least_m2[k] { block as u64 } else { at[k] };
-                least_m2[k] = least(square, least_m2[k]);
-            }
-        }
-        let mut lane = 0;
-        for k in 1..N_BLOCK {
-            lane = if least_m2[k] < least_m2[lane] { k } else { lane };
-        }
-        let nearest = at[lane] as usize * N_BLOCK + lane;
-        let (Some(nearest_x), Some(nearest_y)) = (x_m.get(nearest), y_m.get(nearest)) else { return };
-        let limit_m2 = least_m2[lane] + ROUNDING_M2;
-        for k in 0..n {
-            let apart_m = (x_m[k] - nearest_x).abs() + (y_m[k] - nearest_y).abs();
-            is_candidate[k] = u8::from(square_m2[k] - limit_m2 <= side_m * apart_m);
-        }
-    }
-}
-
-/// The smaller of two: one instruction where NaN is not asked about.
-#[inline(always)]
-fn least(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
 }
 
 #[cfg(test)]

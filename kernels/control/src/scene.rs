@@ -5,12 +5,16 @@
 //! braking), and which scan hits may move. It is built once per tick and only read afterwards.
 
 use geometry::Point2;
-use mapping::{DistanceField, Layout, Spot};
+use mapping::DistanceField;
 
 use crate::config::Disturbance;
 use crate::dynamics::{Limits, State};
 use crate::margin::{Demand, World};
 use crate::points::PointIndex;
+
+mod place;
+
+pub(crate) use place::Place;
 
 /// Driving exactly at a limit complies: tolerance, m/s and rad/s. A limit of 0 in a zone has none.
 pub const LIMIT_TOLERANCE: f64 = 0.01;
@@ -41,33 +45,6 @@ pub(crate) enum Source {
     Points,
     /// Position in [`World::rules`].
     Rule(usize),
-}
-
-/// A place that many layers are asked about: those that lie on one layout share its spot there.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
-    pub point: Point2,
-    on: Option<(Layout, Spot)>,
-}
-
-impl Place {
-    #[inline]
-    pub(crate) fn at(point: Point2) -> Place {
-        Place { point, on: None }
-    }
-
-    /// The same as [`DistanceField::sample`].
-    #[inline]
-    fn sample(&mut self, field: &DistanceField) -> f64 {
-        match &self.on {
-            Some((layout, spot)) if layout == field.layout() => field.sample_at(spot),
-            _ => {
-                let spot = Spot::of(field.layout(), self.point);
-                self.on = Some((*field.layout(), spot));
-                field.sample_at(&spot)
-            }
-        }
-    }
 }
 
 /// Where the distance of a spatial layer comes from.

@@ -6,8 +6,12 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use control::Isa;
+use std::time::Duration;
+
+use control::standard::service::{Start, starts};
 use control::standard::{Sampling, Scene, StandardFilter};
+use control::{Filter, FilterConfig, Isa};
+use geometry::Profile;
 
 struct Counting;
 
@@ -75,4 +79,22 @@ fn full_and_shipped_steps_allocate_nothing() {
         assert_eq!(found, 0, "{isa:?}");
         assert!(v_m.is_finite());
     }
+}
+
+/// What a tick hands out is allocated: its decision, its plans, the list of its layers.
+const N_HANDED_OUT: u64 = 64;
+
+#[test]
+fn a_tick_of_the_filter_allocates_what_it_hands_out_and_nothing_for_its_samples() {
+    let starts = starts(&scene()).unwrap();
+    let profile = Profile::sim();
+    let config = FilterConfig { n_samples: 1000, latency_s: 0.0, ..FilterConfig::for_profile(&profile) };
+    let mut n_most = 0;
+    for Start { state, nominal, world } in &starts {
+        let mut filter = Filter::new(config.clone(), &profile).unwrap();
+        let mut step = || drop(filter.step(Duration::from_millis(50), *state, *nominal, world));
+        (0..3).for_each(|_| step());
+        n_most = n_most.max(n_allocated(step));
+    }
+    assert!((1..=N_HANDED_OUT).contains(&n_most), "{n_most}");
 }

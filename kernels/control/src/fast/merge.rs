@@ -24,6 +24,8 @@ const QUANTUM_M_MIN: f32 = 0.001;
 const SLACK_M: f32 = 2e-6;
 /// Crossing layers that differ by no more than this at every corner make no ridge, metres.
 const GAP_M: f32 = 0.0005;
+/// Points of a layer that are merged together.
+const N_POINTS_TOGETHER: usize = 4096;
 /// In `owners`, marks the number of a ridge.
 const RIDGE_OWNER: u32 = 1 << 31;
 
@@ -258,13 +260,16 @@ impl Work for Smallest<'_> {
     fn run<const FUSED: bool>(self) {
         let Smallest { n_cols, layers, least_m, owners, row_least_m } = self;
         let n_rows = least_m.len() / n_cols;
-        for row in 0..n_rows {
-            let range = row * n_cols..(row + 1) * n_cols;
-            let (least_m, owners) = (&mut least_m[range.clone()], &mut owners[range.clone()]);
+        // Some rows of one layer after the other: what is read lies side by side, what is written stays in the cache.
+        let n_together = (N_POINTS_TOGETHER / n_cols).max(1);
+        for first in (0..n_rows).step_by(n_together) {
             for (layer_idx, layer) in layers.iter().enumerate() {
-                let values_m = &layer.values_m[range.clone()];
-                row_least_m[layer_idx * n_rows + row] =
-                    smallest_row(layer_idx as u32, values_m, layer.keep_m, least_m, owners);
+                for row in first..(first + n_together).min(n_rows) {
+                    let range = row * n_cols..(row + 1) * n_cols;
+                    let (least_m, owners) = (&mut least_m[range.clone()], &mut owners[range.clone()]);
+                    row_least_m[layer_idx * n_rows + row] =
+                        smallest_row(layer_idx as u32, &layer.values_m[range], layer.keep_m, least_m, owners);
+                }
             }
         }
     }

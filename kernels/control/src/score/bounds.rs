@@ -41,46 +41,14 @@ impl Bounds {
         floor_m: f64,
     ) {
         let Bounds { held, points, kept_m } = self;
-        let Assumptions { limits, step_s, radius_m, .. } = scene.assumptions;
+        let Assumptions { step_s, radius_m, .. } = scene.assumptions;
         let turn_and_gain =
             |c: &Control| [(c.yaw_rate_rad_s * step_s) as f32, (c.accel_m_s2 * step_s) as f32];
         held.clear();
         held.extend(incumbent.iter().take(N_STEPS_MAX).map(turn_and_gain));
         kept_m.clear();
         kept_m.resize(search.n_samples, f32::INFINITY);
-        let start = Point2::new(runner.x_m, runner.y_m);
-        let (mut grounds, mut n_fields) = ([Ground::NONE; N_FIELDS], 0);
-        let mut hits_n_far = usize::MAX;
-        points.clear();
-        let speed_m_s_max = limits.speed_m_s_max.max(runner.speed_m_s);
-        let reach_m = speed_m_s_max * step_s * held.len() as f64;
-        for layer in scene.spatial.iter().filter(|layer| !layer.soft).take(N_FIELDS + 1) {
-            // Who is farther at the start may matter only once that has been driven.
-            let lead_m = (layer.start_m - runner.path_m - runner.here_m).max(0.0);
-            let n_far = (lead_m / (FIELD_SLOPE * speed_m_s_max * step_s)) as usize;
-            match &layer.shape {
-                Shape::Field(field) => {
-                    if let Some(to) = grounds.get_mut(n_fields)
-                        && let Some(ground) = ground(field, start, reach_m)
-                    {
-                        *to = Ground { keep_m: layer.keep_m as f32, n_far, ..ground };
-                        n_fields += 1;
-                    }
-                }
-                Shape::Points(index, _) => {
-                    hits_n_far = n_far.min(hits_n_far);
-                    // Around the start, and where braking would end.
-                    let stop_m = runner.speed_m_s * runner.speed_m_s / (2.0 * limits.accel_m_s2_max);
-                    let end = Point2::new(start.x + runner.cos * stop_m, start.y + runner.sin * stop_m);
-                    for place in [start, end] {
-                        index.for_each_near(place, N_POINTS, |point| {
-                            points.push([(point.x - start.x) as f32, (point.y - start.y) as f32]);
-                        });
-                    }
-                }
-            }
-        }
-        let sigma = search.sigma;
+        let around = Around::look(scene, runner, held.len(), points);
         noise.isa().run(Rollouts {
             motion: motion(scene),
             from: From {
@@ -91,13 +59,13 @@ impl Bounds {
                 here_m: runner.here_m as f32,
                 tube_m: scene.tube_m(runner.start_m_s, runner.moving_s, runner.path_m) as f32,
             },
-            grounds: &grounds[..n_fields],
-            hits: Hits { points, keep_m: radius_m as f32, n_far: hits_n_far },
+            grounds: &around.grounds[..around.n_fields],
+            hits: Hits { points, keep_m: radius_m as f32, n_far: around.n_far_hits },
             drawn: Drawn {
                 held,
                 draws: noise.round(round),
                 n_lanes: noise.n_lanes(),
-                scale: turn_and_gain(&sigma),
+                scale: turn_and_gain(&search.sigma),
             },
             n: search.n_samples,
             floor_m: (floor_m - ROUNDING_M) as f32,
@@ -115,6 +83,53 @@ impl Bounds {
     pub(super) fn highest(&self) -> Option<usize> {
         let bounds = self.kept_m.iter().copied().enumerate();
         bounds.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(sample, _)| sample)
+    }
+}
+
+/// The nearest layers as seen from a start.
+struct Around<'a> {
+    grounds: [Ground<'a>; N_FIELDS],
+    n_fields: usize,
+    /// Steps in which the scan is too far to matter.
+    n_far_hits: usize,
+}
+
+impl<'a> Around<'a> {
+    /// Looks around for motions of `n_steps`; hits of the scan go to `points`, from the start.
+    fn look(scene: &'a Scene<'_>, runner: &Runner, n_steps: usize, points: &mut Vec<[f32; 2]>) -> Around<'a> {
+        let Assumptions { limits, step_s, .. } = scene.assumptions;
+        let start = Point2::new(runner.x_m, runner.y_m);
+        let length_m_max = limits.speed_m_s_max.max(runner.speed_m_s) * step_s;
+        let reach_m = length_m_max * n_steps as f64;
+        let mut around = Around { grounds: [Ground::NONE; N_FIELDS], n_fields: 0, n_far_hits: usize::MAX };
+        points.clear();
+        for layer in scene.spatial.iter().filter(|layer| !layer.soft).take(N_FIELDS + 1) {
+            // Who is farther than the nearest may matter only once that lead has been driven.
+            let lead_m = (layer.start_m - runner.path_m - runner.here_m).max(0.0);
+            let n_far = (lead_m / (FIELD_SLOPE * length_m_max)) as usize;
+            match &layer.shape {
+                Shape::Field(field) => {
+                    if let Some(to) = around.grounds.get_mut(around.n_fields)
+                        && let Some(ground) = ground(field, start, reach_m)
+                    {
+                        *to = Ground { keep_m: layer.keep_m as f32, n_far, ..ground };
+                        around.n_fields += 1;
+                    }
+                }
+                Shape::Points(index, _) => {
+                    around.n_far_hits = n_far.min(around.n_far_hits);
+                    // Around the start, and where braking would end.
+                    let stop_m = runner.speed_m_s * runner.speed_m_s / (2.0 * limits.accel_m_s2_max);
+                    let end = Point2::new(start.x + runner.cos * stop_m, start.y + runner.sin * stop_m);
+                    for place in [start, end] {
+                        index.for_each_near(place, N_POINTS, |point| {
+                            points.push([(point.x - start.x) as f32, (point.y - start.y) as f32]);
+                        });
+                    }
+                }
+            }
+        }
+        around
     }
 }
 
