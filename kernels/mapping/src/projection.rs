@@ -108,22 +108,32 @@ impl<'a> TrustedDepth<'a> {
     }
 
     /// Whether a pixel is in the mask.
+    #[inline]
     pub(crate) fn in_mask(&self, idx: usize) -> bool {
         self.mask.is_none_or(|mask| mask.bits()[idx])
     }
 
     /// Depth at a pixel, metres; `None` when it is not in the mask or not to be trusted.
+    #[inline(always)]
     pub(crate) fn at_in_mask(&self, col: usize, row: usize) -> Option<f32> {
         if self.in_mask(row * self.width + col) { self.at(col, row) } else { None }
     }
 
-    /// Depth at a pixel of the mask as it is, metres; `None` outside the mask.
-    pub(crate) fn masked_m(&self, col: usize, row: usize) -> Option<f32> {
-        let idx = row * self.width + col;
-        self.in_mask(idx).then(|| self.raw_m(idx))
+    /// Width of the image, pixels.
+    #[inline(always)]
+    pub(crate) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Depth as it is at a position of the image, millimetres; `None` outside mask or image.
+    #[inline(always)]
+    pub(crate) fn masked_mm(&self, idx: usize) -> Option<u16> {
+        let is_masked = self.mask.is_none_or(|mask| mask.bits().get(idx) == Some(&true));
+        self.depth_mm.get(idx).copied().filter(|_| is_masked)
     }
 
     /// Depth at a pixel of the mask, metres; `None` when it is not to be trusted.
+    #[inline]
     pub(crate) fn at(&self, col: usize, row: usize) -> Option<f32> {
         let depth_m = self.raw_m(row * self.width + col);
         // Zero, which is no depth, is below any range.
@@ -138,10 +148,12 @@ impl<'a> TrustedDepth<'a> {
         Some(depth_m)
     }
 
+    #[inline]
     fn raw_m(&self, idx: usize) -> f32 {
         f32::from(self.depth_mm[idx]) * 0.001
     }
 
+    #[inline]
     fn is_edge(&self, col: usize, row: usize, depth_m: f32) -> bool {
         let idx = row * self.width + col;
         let across = (
@@ -156,7 +168,13 @@ impl<'a> TrustedDepth<'a> {
     }
 
     /// Whether three depths in line break at the middle one; 0 is a depth that is not known.
+    #[inline]
     fn breaks(&self, before: f32, here: f32, after: f32) -> bool {
+        // Nearly all are no edge by far: told without a division.
+        let off_m = |other: f32| if other > 0.0 { (other - here).abs() } else { 0.0 };
+        if off_m(before).max(off_m(after)) < 0.999 * self.edge_relative * here {
+            return false;
+        }
         let jump = |other: f32| if other > 0.0 { (other - here).abs() / here } else { 0.0 };
         let largest = jump(before).max(jump(after));
         if largest <= self.edge_relative {
@@ -174,23 +192,24 @@ impl<'a> TrustedDepth<'a> {
         if self.mask.is_none() {
             return false;
         }
-        let (mut at_border, mut behind) = (false, false);
-        let closer_m = depth_m * (1.0 - LEAK);
-        for off in 1..=self.erode_px {
-            let idx = row * self.width + col;
-            let neighbours = [
+        let idx = row * self.width + col;
+        let mut around = (1..=self.erode_px).flat_map(|off| {
+            [
                 (col >= off).then(|| idx - off),
                 (col + off < self.width).then(|| idx + off),
                 (row >= off).then(|| idx - off * self.width),
                 (row + off < self.height).then(|| idx + off * self.width),
-            ];
-            for neighbour in neighbours.into_iter().flatten() {
-                at_border |= !self.in_mask(neighbour);
-                let there_m = self.raw_m(neighbour);
-                behind |= there_m > 0.0 && there_m < closer_m;
-            }
+            ]
+        });
+        // Most pixels are well inside: the border is looked for first.
+        let mut beside = around.clone().flatten();
+        if beside.all(|neighbour| self.in_mask(neighbour)) {
+            return false;
         }
-        at_border && behind
+        let closer_m = depth_m * (1.0 - LEAK);
+        around.any(|neighbour| {
+            neighbour.map(|idx| self.raw_m(idx)).is_some_and(|there_m| there_m > 0.0 && there_m < closer_m)
+        })
     }
 }
 

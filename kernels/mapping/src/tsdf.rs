@@ -14,65 +14,26 @@ use geometry::Point3;
 use rustc_hash::FxHashMap;
 
 use crate::image::{DepthFrame, ImageError, Mask};
-use crate::projection::{DepthLimits, TrustedDepth};
-use tiles::Tiles;
+use crate::isa::Isa;
+use crate::projection::TrustedDepth;
+use planes::Planes;
+use rays::Rays;
+use tiles::{Cut, Tiles};
+use update::{Update, View};
 
+mod config;
+mod frustum;
+mod planes;
+mod rays;
+mod slab;
 mod tiles;
 mod update;
+
+pub use config::{TsdfConfig, TsdfConfigError};
 
 /// Voxels along one side of a block.
 pub const BLOCK_SIDE: usize = 8;
 const BLOCK_VOXELS: usize = BLOCK_SIDE * BLOCK_SIDE * BLOCK_SIDE;
-
-/// How a TSDF sees, remembers and forgets.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TsdfConfig {
-    /// Side of a voxel, metres, 0.005 to 0.5.
-    pub voxel_m: f64,
-    /// Distances are kept up to this far from a surface, metres; at least two voxels.
-    pub truncation_m: f64,
-    /// A voxel's weight never exceeds this: old evidence does not outlive new.
-    pub weight_max: f32,
-    /// A voxel counts as surface from this weight on: 1.5 is two masks that agree.
-    pub weight_min: f32,
-    /// Weight taken by a ray that passes through; 0 turns carving off.
-    pub carve_step: f32,
-    /// Weight taken when the surface at the voxel is seen and is not in the mask.
-    pub absent_step: f32,
-    /// Most blocks held. Beyond it new ones are refused and counted.
-    pub n_blocks_max: usize,
-    /// Which depth is trusted.
-    pub limits: DepthLimits,
-}
-
-impl Default for TsdfConfig {
-    /// Voxels of 4 cm. Twelve frames fill a voxel, four to six empty it: at two frames a second an object that
-    /// was moved is gone within 3 s of its place being seen empty. 20 000 blocks are 80 MB.
-    fn default() -> Self {
-        TsdfConfig {
-            voxel_m: 0.04,
-            truncation_m: 0.12,
-            weight_max: 12.0,
-            weight_min: 1.5,
-            carve_step: 3.0,
-            absent_step: 2.0,
-            n_blocks_max: 20_000,
-            limits: DepthLimits::default(),
-        }
-    }
-}
-
-/// A configuration that cannot work.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{key} is {value}, must be {limit}")]
-pub struct TsdfConfigError {
-    /// Which value.
-    pub key: &'static str,
-    /// What it is.
-    pub value: f64,
-    /// What it must be.
-    pub limit: &'static str,
-}
 
 /// What one frame did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -121,29 +82,7 @@ impl Tsdf {
     /// # Errors
     /// [`TsdfConfigError`] names the value and its limit.
     pub fn new(config: TsdfConfig) -> Result<Self, TsdfConfigError> {
-        let check = |key, value: f64, ok: bool, limit| {
-            if ok { Ok(()) } else { Err(TsdfConfigError { key, value, limit }) }
-        };
-        let TsdfConfig { voxel_m, truncation_m, weight_max, weight_min, carve_step, absent_step, .. } =
-            config;
-        check("voxel_m", voxel_m, (0.005..=0.5).contains(&voxel_m), "0.005 to 0.5")?;
-        check(
-            "truncation_m",
-            truncation_m,
-            (2.0 * voxel_m..=8.0 * voxel_m).contains(&truncation_m),
-            "2 to 8 voxels",
-        )?;
-        check("weight_max", weight_max.into(), (1.0..=1000.0).contains(&weight_max), "1 to 1000")?;
-        check(
-            "weight_min",
-            weight_min.into(),
-            weight_min > 0.0 && weight_min <= weight_max,
-            "0 to weight_max",
-        )?;
-        check("carve_step", carve_step.into(), (0.0..=1000.0).contains(&carve_step), "0 to 1000")?;
-        check("absent_step", absent_step.into(), (0.0..=1000.0).contains(&absent_step), "0 to 1000")?;
-        let n_blocks = config.n_blocks_max;
-        check("n_blocks_max", n_blocks as f64, (1..=1_000_000).contains(&n_blocks), "1 to 1000000")?;
+        config.check()?;
         Ok(Tsdf { config, blocks: Vec::new(), index: FxHashMap::default(), frame: 0 })
     }
 
@@ -170,27 +109,31 @@ impl Tsdf {
         frame: &DepthFrame<'_>,
         mask: Option<&Mask>,
     ) -> Result<Integrated, ImageError> {
+        self.integrate_by(Isa::detect(), frame, mask)
+    }
+
+    /// [`Self::integrate`] by given instructions.
+    fn integrate_by(
+        &mut self,
+        isa: Isa,
+        frame: &DepthFrame<'_>,
+        mask: Option<&Mask>,
+    ) -> Result<Integrated, ImageError> {
         if let Some(mask) = mask {
             frame.check_mask(mask)?;
         }
         self.frame += 1;
         let trusted = TrustedDepth::new(frame, mask, &self.config.limits);
-        let planes = update::Planes::new(frame, self.config.voxel_m);
-        let (tiles, n_blocks_refused) = self.reserve(frame, &trusted, &planes);
+        let planes = Planes::new(frame, self.config.voxel_m);
+        let camera = frame.intrinsics();
+        let side = Tiles::side_for(camera.fx.min(camera.fy), self.config.voxel_m, self.config.limits.max_m);
+        let rays = Rays::new(frame, &self.config);
+        let (tiles, wanted) = isa.run(Cut { trusted: &trusted, planes: &planes, rays: &rays, side });
+        let n_blocks_refused = wanted.into_iter().filter(|key| !self.touch(*key)).count();
         let mut done = Integrated { n_blocks_refused, ..Integrated::default() };
-        let view = update::View::new(frame, &trusted, (&planes, &tiles), &self.config);
-        let mut emptied = Vec::new();
-        for (idx, block) in self.blocks.iter_mut().enumerate() {
-            let reserved = block.frame == self.frame;
-            if (!reserved && !view.clears()) || !view.sees(block) {
-                continue;
-            }
-            let n_before = done.n_voxels_hit;
-            view.update(block, reserved, &mut done);
-            if done.n_voxels_hit == n_before && block.weight.iter().all(|w| *w <= 0.0) {
-                emptied.push(idx);
-            }
-        }
+        let view = View::new(frame, mask, &trusted, (&planes, &tiles), &self.config);
+        let emptied =
+            isa.run(Update { view: &view, blocks: &mut self.blocks, frame: self.frame, done: &mut done });
         self.remove(&emptied);
         Ok(done)
     }
@@ -287,36 +230,6 @@ impl Tsdf {
         (block.weight[voxel] > 0.0).then(|| block.sdf_m[voxel])
     }
 
-    /// Makes room along the rays around each masked surface; returns the image's tiles and how many blocks were
-    /// refused.
-    fn reserve(
-        &mut self,
-        frame: &DepthFrame<'_>,
-        trusted: &TrustedDepth<'_>,
-        planes: &update::Planes<'_>,
-    ) -> (Tiles, usize) {
-        let TsdfConfig { voxel_m, truncation_m, limits, .. } = self.config;
-        let block_m = voxel_m * BLOCK_SIDE as f64;
-        let camera = frame.intrinsics();
-        let eye = frame.map_from_camera().translation.vector / block_m;
-        let turn = frame.map_from_camera().rotation.to_rotation_matrix().into_inner() / block_m;
-        let side = Tiles::side_for(camera.fx.min(camera.fy), voxel_m, limits.max_m);
-        let mut n_refused = 0;
-        let mut last = [[i32::MAX; 3]; 3];
-        let tiles = Tiles::new(trusted, planes, side, |seen| {
-            let ray = turn * camera.unproject(seen.col as f64, seen.row as f64, 1.0).coords;
-            for (step, last) in [-1.0, 0.0, 1.0].into_iter().zip(&mut last) {
-                let reach_m = f64::from(seen.depth_m) + step * truncation_m;
-                let key: BlockKey = (eye + ray * reach_m).map(|c| c.floor() as i32).into();
-                if key != *last {
-                    *last = key;
-                    n_refused += usize::from(!self.touch(key));
-                }
-            }
-        });
-        (tiles, n_refused)
-    }
-
     /// Marks a block as reserved in this frame, made anew if need be; false when there is no room.
     fn touch(&mut self, key: BlockKey) -> bool {
         if let Some(&idx) = self.index.get(&key) {
@@ -344,5 +257,9 @@ impl Tsdf {
     }
 }
 
+#[cfg(test)]
+mod laws;
+#[cfg(test)]
+mod reference;
 #[cfg(test)]
 mod tests;

@@ -1,403 +1,364 @@
 //! What one frame tells the voxels of one block.
+//!
+//! All voxels are placed and judged in loops over arrays ([`slab`](super::slab)), which compilers turn into vectors.
+//! Those that have to look closer do so here: where surfaces are seen at a grazing angle or at an edge, in batches;
+//! where there is weight to lose, one by one.
 
-use nalgebra::{Point3, Vector3};
-
-use super::tiles::{Tile, Tiles};
-use super::{BLOCK_SIDE, Block, Integrated, TsdfConfig};
-use crate::image::DepthFrame;
+use super::frustum::Frustum;
+use super::planes::{LANES, Lanes, Planes, whole};
+use super::slab::{N_SLAB, NEAR_M, Offsets, Slab, Verdict};
+use super::tiles::Tiles;
+use super::{BLOCK_SIDE, BLOCK_VOXELS, Block, Integrated, TsdfConfig};
+use crate::image::{DepthFrame, Mask};
+use crate::isa::Work;
 use crate::projection::TrustedDepth;
-
-/// Least cosine between ray and surface normal that is believed: below it a slope is mostly noise.
-const COSINE_MIN: f32 = 0.1;
-/// Three inverse depths in line, times depth, may bend this much and still be one plane.
-const PLANE_BEND_MAX: f32 = 0.04;
-
-/// Nearer to the camera nothing is seen, metres.
-const NEAR_M: f32 = 0.05;
-/// Above this cosine the foot of a voxel on its plane is less than a voxel beside it.
-const COSINE_FACING: f32 = 0.9;
-
-/// A voxel looks closely at a pixel on no tile's plane within this many truncations.
-const EDGE_BAND: f32 = 4.0;
-
-/// Finds planes in a depth image.
-pub(super) struct Planes<'a> {
-    depth_mm: &'a [u16],
-    width: i32,
-    height: i32,
-    focal: [f32; 2],
-    centre: [f32; 2],
-    voxel_m: f32,
-}
 
 /// One frame, ready to be asked by voxels. Single precision: a camera sees metres, not kilometres.
 pub(super) struct View<'a> {
-    depth_mm: &'a [u16],
+    pub(super) depth_mm: &'a [u16],
+    pub(super) mask: Option<&'a [bool]>,
     trusted: &'a TrustedDepth<'a>,
     planes: &'a Planes<'a>,
-    tiles: &'a Tiles,
-    width: i32,
-    height: i32,
+    pub(super) tiles: &'a Tiles,
+    pub(super) width: u32,
+    height: u32,
     /// Width and height again.
-    size: [f32; 2],
-    focal: [f32; 2],
-    centre: [f32; 2],
-    camera_from_map: geometry::Pose3,
+    pub(super) size: [f32; 2],
+    pub(super) focal: [f32; 2],
+    pub(super) centre: [f32; 2],
+    pub(super) frustum: Frustum,
     /// Steps of one voxel along x, y and z of `map`, in `camera`.
-    steps: [Vector3<f32>; 3],
-    voxel_m: f32,
-    truncation_m: f32,
+    steps: [[f32; 3]; 3],
+    pub(super) offsets: Offsets,
+    pub(super) voxel_m: f32,
+    pub(super) truncation_m: f32,
     weight_max: f32,
     carve_step: f32,
     absent_step: f32,
-    block_radius_m: f64,
 }
 
-/// A row of voxels as the camera sees them.
-struct Row {
-    /// The first one, and from one to the next, in `camera`.
-    begin: Point3<f32>,
-    step: Vector3<f32>,
-    /// Along the optical axis.
-    depth_m: [f32; BLOCK_SIDE],
-    /// Pixel and half a pixel.
-    u: [f32; BLOCK_SIDE],
-    v: [f32; BLOCK_SIDE],
+/// The update of all blocks by a frame, of which `frame` is the number; yields the positions of those emptied.
+pub(super) struct Update<'v, 'a> {
+    pub(super) view: &'v View<'a>,
+    pub(super) blocks: &'v mut [Block],
+    pub(super) frame: u64,
+    pub(super) done: &'v mut Integrated,
 }
 
-/// What a voxel learns.
-enum Evidence {
-    /// Nothing: out of view, hidden, or depth that is not trusted.
-    None,
-    /// The object's surface is this far in front of it, metres; negative is behind it.
-    Surface(f32),
-    /// A ray passed through it.
-    Through,
-    /// A surface is seen here that is not in the mask.
-    Other,
+impl Work for Update<'_, '_> {
+    type Output = Vec<usize>;
+
+    // Never fused: every instruction set computes the same.
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> Vec<usize> {
+        let mut slabs = [const { Slab::EMPTY }; BLOCK_SIDE];
+        let mut open = Open { grazing: List::new(), edges: List::new(), doubted: List::new() };
+        let mut emptied = Vec::new();
+        for (idx, block) in self.blocks.iter_mut().enumerate() {
+            let reserved = block.frame == self.frame;
+            if (!reserved && !self.view.clears()) || !self.view.frustum.sees(block) {
+                continue;
+            }
+            let n_before = self.done.n_voxels_hit;
+            self.view.judge(block, reserved, &mut slabs, &mut open);
+            self.view.look_closer(block, &mut slabs, &mut open);
+            self.view.apply(block, &slabs, self.done);
+            if self.done.n_voxels_hit == n_before && block.weight.iter().all(|w| *w <= 0.0) {
+                emptied.push(idx);
+            }
+        }
+        emptied
+    }
+}
+
+/// Voxels of a block that have to look closer, by what they have to find out.
+struct Open {
+    grazing: List,
+    edges: List,
+    doubted: List,
+}
+
+/// Positions in a block.
+struct List {
+    n: usize,
+    positions: [u16; BLOCK_VOXELS],
+}
+
+impl List {
+    fn new() -> Self {
+        List { n: 0, positions: [0; BLOCK_VOXELS] }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, position: usize) {
+        if let Some(place) = self.positions.get_mut(self.n) {
+            *place = position as u16;
+            self.n += 1;
+        }
+    }
+
+    #[inline(always)]
+    fn all(&self) -> &[u16] {
+        &self.positions[..self.n]
+    }
+}
+
+/// Up to [`LANES`] voxels of a block, gathered from its slabs; the last one again where there are fewer.
+struct Batch {
+    at: [Lanes; 3],
+    pixel: [[i32; LANES]; 2],
+    ahead_m: Lanes,
+    sdf_m: Lanes,
+    depth_m: Lanes,
+    normal: [Lanes; 3],
 }
 
 impl<'a> View<'a> {
     pub(super) fn new(
         frame: &DepthFrame<'a>,
+        mask: Option<&'a Mask>,
         trusted: &'a TrustedDepth<'a>,
         (planes, tiles): (&'a Planes<'a>, &'a Tiles),
         config: &TsdfConfig,
     ) -> Self {
         let camera = frame.intrinsics();
-        let camera_from_map = frame.map_from_camera().inverse();
-        let step = |axis: Vector3<f64>| (camera_from_map.rotation * axis * config.voxel_m).cast::<f32>();
+        let frustum = Frustum::new(frame, config);
+        let steps = frustum.steps(config.voxel_m);
         View {
             depth_mm: frame.depth().depth_mm(),
+            mask: mask.map(Mask::bits),
             trusted,
             planes,
             tiles,
-            width: camera.width as i32,
-            height: camera.height as i32,
+            width: camera.width,
+            height: camera.height,
             size: [camera.width as f32, camera.height as f32],
             focal: [camera.fx as f32, camera.fy as f32],
             centre: [camera.cx as f32, camera.cy as f32],
-            camera_from_map,
-            steps: [step(Vector3::x()), step(Vector3::y()), step(Vector3::z())],
+            frustum,
+            offsets: Offsets::new(&steps),
+            steps,
             voxel_m: config.voxel_m as f32,
             truncation_m: config.truncation_m as f32,
             weight_max: config.weight_max,
             carve_step: config.carve_step,
             absent_step: config.absent_step,
-            block_radius_m: config.voxel_m * BLOCK_SIDE as f64 * 3.0_f64.sqrt() / 2.0,
         }
     }
 
-    /// Whether blocks that hold no surface of this frame are looked at too.
+    /// Whether anything loses weight; blocks that hold no surface of this frame are then looked at too.
+    #[inline(always)]
     pub(super) fn clears(&self) -> bool {
         self.carve_step > 0.0 || self.absent_step > 0.0
     }
 
-    /// Whether any voxel of a block may be in view.
-    pub(super) fn sees(&self, block: &Block) -> bool {
-        let middle = self.camera_from_map * self.corner_map(block, 0.5);
-        let radius_m = self.block_radius_m;
-        if middle.z < -radius_m {
-            return false;
-        }
-        // A sphere against the image's four side planes.
-        let inside = |along: f64, focal: f32, centre: f32, n: i32| {
-            let focal = f64::from(focal);
-            let low = f64::from(centre) / focal;
-            let high = (f64::from(n) - f64::from(centre)) / focal;
-            along + low * middle.z > -radius_m * 1.0_f64.hypot(low)
-                && high * middle.z - along > -radius_m * 1.0_f64.hypot(high)
-        };
-        inside(middle.x, self.focal[0], self.centre[0], self.width)
-            && inside(middle.y, self.focal[1], self.centre[1], self.height)
-    }
-
-    /// A point of a block: its low corner and `share` of its sides, in `map`.
-    fn corner_map(&self, block: &Block, share: f64) -> geometry::Point3 {
-        let side_m = f64::from(self.voxel_m) * BLOCK_SIDE as f64;
-        geometry::Point3::from(Vector3::from(block.key.map(|k| (f64::from(k) + share) * side_m)))
-    }
-
-    /// Lets every voxel of a block look at its pixel.
-    pub(super) fn update(&self, block: &mut Block, reserved: bool, done: &mut Integrated) {
-        let corner: Point3<f32> = (self.camera_from_map * self.corner_map(block, 0.0)).cast();
-        let first = corner + (self.steps[0] + self.steps[1] + self.steps[2]) * 0.5;
-        let rows = block.sdf_m.chunks_exact_mut(BLOCK_SIDE).zip(block.weight.chunks_exact_mut(BLOCK_SIDE));
-        for (nth, (sdf_m, weight)) in rows.enumerate() {
+    /// Lets every voxel of a block look at its pixel, and names those that have to look closer.
+    #[inline(always)]
+    fn judge(&self, block: &Block, reserved: bool, slabs: &mut [Slab; BLOCK_SIDE], open: &mut Open) {
+        let corner: nalgebra::Point3<f32> = self.frustum.in_camera(block, 0.0).cast();
+        let [x, y, z] = &self.steps;
+        let first = [0, 1, 2].map(|axis| corner[axis] + (x[axis] + y[axis] + z[axis]) * 0.5);
+        (open.grazing.n, open.edges.n, open.doubted.n) = (0, 0, 0);
+        let (weights, _) = block.weight.as_chunks::<N_SLAB>();
+        for ((nth, slab), weight) in slabs.iter_mut().enumerate().zip(weights) {
             if !reserved && weight.iter().all(|w| *w <= 0.0) {
+                slab.verdict = [Verdict::Nothing; N_SLAB];
                 continue;
             }
-            let (y, z) = (nth % BLOCK_SIDE, nth / BLOCK_SIDE);
-            let begin = first + self.steps[1] * y as f32 + self.steps[2] * z as f32;
-            let row = self.row(begin);
-            for (x, (mean_m, weight)) in sdf_m.iter_mut().zip(weight).enumerate() {
-                if *weight <= 0.0 && !reserved {
-                    continue;
-                }
-                let lost = match self.look(&row, x, *weight > 0.0) {
-                    Evidence::None => continue,
-                    Evidence::Surface(sdf_m) => {
-                        *mean_m += (sdf_m - *mean_m) / (*weight + 1.0);
-                        *weight = (*weight + 1.0).min(self.weight_max);
-                        done.n_voxels_hit += 1;
-                        continue;
-                    }
-                    Evidence::Through => self.carve_step,
-                    Evidence::Other => self.absent_step,
-                };
-                if lost > 0.0 {
-                    *weight = (*weight - lost).max(0.0);
-                    done.n_voxels_cleared += 1;
+            slab.place(self, &first, &z.map(|step| step * nth as f32));
+            slab.judge(self, weight, reserved);
+            let mut is_open = [0_u8; N_SLAB];
+            for (is_open, verdict) in is_open.iter_mut().zip(&slab.verdict) {
+                *is_open = u8::from(*verdict as u8 >= Verdict::Grazing as u8);
+            }
+            for (row, bytes) in is_open.as_chunks::<BLOCK_SIDE>().0.iter().enumerate() {
+                let mut rest = u64::from_le_bytes(*bytes);
+                while rest != 0 {
+                    let n = row * BLOCK_SIDE + rest.trailing_zeros() as usize / 8;
+                    rest &= rest - 1;
+                    let list = match slab.verdict[n] {
+                        Verdict::Grazing => &mut open.grazing,
+                        Verdict::Edge => &mut open.edges,
+                        _ => &mut open.doubted,
+                    };
+                    list.push(nth * N_SLAB + n);
                 }
             }
         }
     }
 
-    /// Where the voxels of a row are seen. In loops over arrays, which compilers turn into vectors.
-    #[inline]
-    fn row(&self, begin: Point3<f32>) -> Row {
-        let step = self.steps[0];
-        let mut row =
-            Row { begin, step, depth_m: [0.0; BLOCK_SIDE], u: [-1.0; BLOCK_SIDE], v: [-1.0; BLOCK_SIDE] };
-        let mut inverse = [0.0_f32; BLOCK_SIDE];
-        for (x, inverse) in inverse.iter_mut().enumerate() {
-            row.depth_m[x] = begin.z + step.z * x as f32;
-            *inverse = 1.0 / row.depth_m[x];
-        }
-        for (x, inverse) in inverse.iter().enumerate() {
-            row.u[x] = self.focal[0] * (begin.x + step.x * x as f32) * inverse + (self.centre[0] + 0.5);
-            row.v[x] = self.focal[1] * (begin.y + step.y * x as f32) * inverse + (self.centre[1] + 0.5);
-        }
-        row
-    }
-
-    /// What the frame says of a voxel of a row; `has_weight` when there is something to lose.
-    #[inline]
-    fn look(&self, row: &Row, x: usize, has_weight: bool) -> Evidence {
-        let (u, v, z) = (row.u[x], row.v[x], row.depth_m[x]);
-        // Compared before the cast, which then rounds down: `floor` is a call on a plain x86-64.
-        let in_view = u >= 0.0 && v >= 0.0 && u < self.size[0] && v < self.size[1] && z >= NEAR_M;
-        if !in_view {
-            return Evidence::None;
-        }
-        let (u, v) = (u as i32, v as i32);
-        let idx = v.wrapping_mul(self.width).wrapping_add(u) as usize;
-        let mm = self.depth_mm.get(idx).copied().unwrap_or(0);
-        let depth_m = f32::from(mm) * 0.001;
-        let ahead_m = depth_m - z;
-        // So far off that no slope brings the surface near, and nothing to lose.
-        let is_far = ahead_m > self.truncation_m / COSINE_MIN && !has_weight;
-        if mm == 0 || ahead_m * COSINE_MIN < -self.truncation_m || is_far {
-            return Evidence::None;
-        }
-        let at = row.begin + row.step * x as f32;
-        if self.trusted.in_mask(idx) {
-            if ahead_m * COSINE_MIN <= self.truncation_m {
-                match self.tiles.at(u, v).filter(|tile| tile.holds(u, v, depth_m)) {
-                    Some(tile) => {
-                        let sdf_m = ahead_m * tile.cosine;
-                        if sdf_m < -self.truncation_m {
-                            return Evidence::None;
-                        }
-                        if sdf_m <= self.truncation_m {
-                            let is_near = ahead_m.abs() <= self.voxel_m || tile.cosine >= COSINE_FACING;
-                            let is_over = is_near || self.is_over_object(at + tile.normal * sdf_m);
-                            return if is_over { Evidence::Surface(sdf_m) } else { Evidence::None };
-                        }
-                    }
-                    // At an edge slopes are guesses: only what is close is looked at closely.
-                    None if ahead_m.abs() > EDGE_BAND * self.truncation_m => {
-                        if ahead_m < 0.0 {
-                            return Evidence::None;
-                        }
-                    }
-                    None => {
-                        if let Some(evidence) = self.look_closely(at, (u, v), depth_m) {
-                            return evidence;
-                        }
-                    }
-                }
+    /// Settles what the voxels of a block have to find out.
+    #[inline(always)]
+    fn look_closer(&self, block: &Block, slabs: &mut [Slab; BLOCK_SIDE], open: &mut Open) {
+        for positions in open.grazing.all().chunks(LANES) {
+            let batch = self.batch(slabs, positions);
+            let is_over = self.are_over_object(&batch.at, &batch.normal, &batch.sdf_m);
+            for (position, is_over) in positions.iter().zip(is_over) {
+                let (slab, n) = (*position as usize / N_SLAB, *position as usize % N_SLAB);
+                slabs[slab].verdict[n] = if is_over { Verdict::Surface } else { Verdict::Nothing };
             }
-        } else if ahead_m.abs() <= self.voxel_m && has_weight {
-            return if self.beside_mask(u, v) { Evidence::None } else { Evidence::Other };
         }
-        if has_weight && ahead_m > self.voxel_m { self.look_around(at, u, v) } else { Evidence::None }
+        for positions in open.edges.all().chunks(LANES) {
+            self.look_at_edges(slabs, positions, block, &mut open.doubted);
+        }
+        for position in open.doubted.all() {
+            let (slab, n) = (*position as usize / N_SLAB, *position as usize % N_SLAB);
+            slabs[slab].verdict[n] = self.doubt(&slabs[slab], n);
+        }
     }
 
-    /// What a masked pixel that lies on no tile's plane says; `None` when its surface is far behind.
-    fn look_closely(&self, at: Point3<f32>, (u, v): (i32, i32), depth_m: f32) -> Option<Evidence> {
-        let ahead_m = depth_m - at.z;
-        let (normal, cosine) = self.planes.plane(u, v, depth_m);
-        let sdf_m = ahead_m * cosine;
-        if sdf_m < -self.truncation_m {
-            return Some(Evidence::None);
+    #[inline(always)]
+    fn batch(&self, slabs: &[Slab; BLOCK_SIDE], positions: &[u16]) -> Batch {
+        let (mut at, mut normal) = ([[0.0_f32; LANES]; 3], [[0.0_f32; LANES]; 3]);
+        let (mut pixel, mut mm) = ([[0_i32; LANES]; 2], [0_i32; LANES]);
+        let (mut ahead_m, mut sdf_m) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+        let last = positions.len().saturating_sub(1);
+        for lane in 0..LANES {
+            let position = positions[lane.min(last)] as usize;
+            let (slab, n) = (&slabs[position / N_SLAB], position % N_SLAB);
+            (at[0][lane], at[1][lane], at[2][lane]) = (slab.at[0][n], slab.at[1][n], slab.at[2][n]);
+            (pixel[0][lane], pixel[1][lane]) = (slab.col[n], slab.row[n]);
+            (ahead_m[lane], sdf_m[lane]) = (slab.ahead_m[n], slab.sdf_m[n]);
+            mm[lane] = self.depth_mm.get(slab.pixel[n] as usize).map_or(0, |mm| i32::from(*mm));
+            [normal[0][lane], normal[1][lane], normal[2][lane]] = self.tiles.normal(slab.tile[n]);
         }
-        if sdf_m > self.truncation_m {
-            return None;
-        }
-        let is_near = ahead_m.abs() <= self.voxel_m || self.is_over_object(at + normal * sdf_m);
-        Some(match self.trusted.at(u as usize, v as usize) {
-            Some(_) if is_near => Evidence::Surface(sdf_m),
-            _ => Evidence::None,
-        })
+        let depth_m = mm.map(|mm| mm as f32 * 0.001);
+        Batch { at, pixel, ahead_m, sdf_m, depth_m, normal }
     }
 
-    /// Whether the foot of a voxel on the plane of its pixel, in `camera`, is object: at a grazing angle the
+    /// What masked pixels that lie on no tile's plane say; whose surface is far behind may lose.
+    #[inline(always)]
+    fn look_at_edges(
+        &self,
+        slabs: &mut [Slab; BLOCK_SIDE],
+        positions: &[u16],
+        block: &Block,
+        doubted: &mut List,
+    ) {
+        let batch = self.batch(slabs, positions);
+        let found = self.planes.at(&batch.pixel, &batch.depth_m);
+        let mut sdf_m = [0.0_f32; LANES];
+        for lane in 0..LANES {
+            sdf_m[lane] = batch.ahead_m[lane] * found.cosine[lane];
+        }
+        let is_over = self.are_over_object(&batch.at, &found.normal, &sdf_m);
+        for (lane, position) in positions.iter().enumerate() {
+            let position = *position as usize;
+            let (slab, n) = (&mut slabs[position / N_SLAB], position % N_SLAB);
+            let (ahead_m, sdf_m) = (batch.ahead_m[lane], sdf_m[lane]);
+            slab.verdict[n] = Verdict::Nothing;
+            if sdf_m > self.truncation_m {
+                if self.clears() && ahead_m > self.voxel_m && block.weight[position] > 0.0 {
+                    doubted.push(position);
+                }
+            } else if sdf_m >= -self.truncation_m && (ahead_m.abs() <= self.voxel_m || is_over[lane]) {
+                let is_trusted = self.trusted.at(slab.col[n] as usize, slab.row[n] as usize).is_some();
+                (slab.sdf_m[n], slab.verdict[n]) =
+                    (sdf_m, if is_trusted { Verdict::Surface } else { Verdict::Nothing });
+            }
+        }
+    }
+
+    /// Whether the feet of voxels on the planes of their pixels, in `camera`, are object: at a grazing angle the
     /// two are far apart, and beyond the object's edge its plane goes on without it.
-    fn is_over_object(&self, foot: Point3<f32>) -> bool {
-        let Some((_, _, idx)) = self.pixel(foot) else { return false };
-        let depth_m = f32::from(self.depth_mm[idx]) * 0.001;
-        self.trusted.in_mask(idx) && (depth_m - foot.z).abs() <= self.voxel_m
-    }
-
-    /// The pixel (column, row, index) that shows a point in `camera`.
-    #[inline]
-    fn pixel(&self, at: Point3<f32>) -> Option<(i32, i32, usize)> {
-        if at.z < NEAR_M {
-            return None;
+    #[inline(always)]
+    fn are_over_object(&self, at: &[Lanes; 3], normal: &[Lanes; 3], sdf_m: &Lanes) -> [bool; LANES] {
+        let (mut place, mut foot_z) = ([0_u32; LANES], [0.0_f32; LANES]);
+        for n in 0..LANES {
+            let x = at[0][n] + normal[0][n] * sdf_m[n];
+            let y = at[1][n] + normal[1][n] * sdf_m[n];
+            let z = at[2][n] + normal[2][n] * sdf_m[n];
+            let inverse = 1.0 / z;
+            let u = self.focal[0] * x * inverse + self.centre[0] + 0.5;
+            let v = self.focal[1] * y * inverse + self.centre[1] + 0.5;
+            let in_view = (u >= 0.0) & (v >= 0.0) & (u < self.size[0]) & (v < self.size[1]) & (z >= NEAR_M);
+            let (u, v) = (whole(if in_view { u } else { 0.0 }), whole(if in_view { v } else { 0.0 }));
+            let position = (v as u32).wrapping_mul(self.width).wrapping_add(u as u32);
+            place[n] = if in_view { position } else { u32::MAX };
+            foot_z[n] = z;
         }
-        let inverse = 1.0 / at.z;
-        let u = self.focal[0] * at.x * inverse + self.centre[0] + 0.5;
-        let v = self.focal[1] * at.y * inverse + self.centre[1] + 0.5;
-        // Compared before the cast, which then rounds down: `floor` is a call on a plain x86-64.
-        let in_view = u >= 0.0 && v >= 0.0 && u < self.size[0] && v < self.size[1];
-        in_view.then(|| {
-            let (u, v) = (u as i32, v as i32);
-            (u, v, (v * self.width + u) as usize)
-        })
+        // Beside the mask: farther than any foot.
+        let mut seen_mm = [i32::MAX; LANES];
+        for (mm, place) in seen_mm.iter_mut().zip(&place) {
+            *mm = self.trusted.masked_mm(*place as usize).map_or(i32::MAX, i32::from);
+        }
+        let mut is_over = [false; LANES];
+        for n in 0..LANES {
+            is_over[n] = (seen_mm[n] as f32 * 0.001 - foot_z[n]).abs() <= self.voxel_m;
+        }
+        is_over
     }
 
-    /// What a ray that passes through the voxel's centre means, by the pixels at the voxel's rim: a pose that
-    /// is a little off must not carve away what is thin, nor what touches the floor stay for ever.
-    fn look_around(&self, at: Point3<f32>, u: i32, v: i32) -> Evidence {
-        let off = ((0.5 * self.voxel_m * self.focal[0] / at.z) as i32 + 1).min(16);
-        let mut evidence = Evidence::Through;
+    /// What a voxel with weight learns that is seen through, or where something else is seen.
+    fn doubt(&self, slab: &Slab, n: usize) -> Verdict {
+        let (u, v) = (slab.col[n], slab.row[n]);
+        if slab.ahead_m[n] > self.voxel_m {
+            return self.look_around(slab.at[2][n], u, v);
+        }
+        if self.is_beside_mask(u, v) { Verdict::Nothing } else { Verdict::Other }
+    }
+
+    /// What a ray that passes through the voxel's centre, `depth_m` along the optical axis, means by the pixels at the
+    /// voxel's rim: a pose that is a little off must not carve away what is thin, nor what touches the floor stay for
+    /// ever.
+    fn look_around(&self, depth_m: f32, u: i32, v: i32) -> Verdict {
+        let off = ((0.5 * self.voxel_m * self.focal[0] / depth_m) as i32 + 1).min(16);
+        let mut verdict = Verdict::Through;
         for (du, dv) in [(off, 0), (-off, 0), (0, off), (0, -off)] {
-            let (u, v) = (u + du, v + dv);
-            if u < 0 || v < 0 || u >= self.width || v >= self.height {
-                continue;
-            }
-            let idx = (v * self.width + u) as usize;
-            let ahead_m = f32::from(self.depth_mm[idx]) * 0.001 - at.z;
+            let Some(idx) = self.position(u + du, v + dv) else { continue };
+            let ahead_m = f32::from(self.depth_mm[idx]) * 0.001 - depth_m;
             // Zero, no depth, tells nothing.
             if ahead_m > self.voxel_m || self.depth_mm[idx] == 0 {
                 continue;
             }
             if self.trusted.in_mask(idx) {
-                return Evidence::None;
+                return Verdict::Nothing;
             }
             // A surface where the voxel is. What is clearly in front hides the rim and no more.
             if ahead_m >= -2.0 * self.voxel_m {
-                evidence = Evidence::Other;
+                verdict = Verdict::Other;
             }
         }
-        evidence
+        verdict
     }
 
     /// Whether the mask is within two pixels: its border is not exact enough to tell absence.
-    fn beside_mask(&self, u: i32, v: i32) -> bool {
-        [(2, 0), (-2, 0), (0, 2), (0, -2)].into_iter().any(|(du, dv)| {
-            let (u, v) = (u + du, v + dv);
-            let in_image = u >= 0 && v >= 0 && u < self.width && v < self.height;
-            in_image && self.trusted.in_mask((v * self.width + u) as usize)
-        })
-    }
-}
-
-impl<'a> Planes<'a> {
-    pub(super) fn new(frame: &DepthFrame<'a>, voxel_m: f64) -> Self {
-        let camera = frame.intrinsics();
-        Planes {
-            depth_mm: frame.depth().depth_mm(),
-            width: camera.width as i32,
-            height: camera.height as i32,
-            focal: [camera.fx as f32, camera.fy as f32],
-            centre: [camera.cx as f32, camera.cy as f32],
-            voxel_m: voxel_m as f32,
-        }
+    fn is_beside_mask(&self, u: i32, v: i32) -> bool {
+        let around = [(2, 0), (-2, 0), (0, 2), (0, -2)].map(|(du, dv)| self.position(u + du, v + dv));
+        around.into_iter().flatten().any(|idx| self.trusted.in_mask(idx))
     }
 
-    /// The plane at the middle of a tile.
-    pub(super) fn tile(&self, col: usize, row: usize, depth_m: f32) -> Tile {
-        let (u, v) = (col as i32, row as i32);
-        let [a, b] = self.slopes(u, v, depth_m);
-        let (normal, cosine) = self.plane_of(u, v, depth_m, [a, b]);
-        Tile::new(normal, cosine, [1.0 / depth_m, a, b], (col, row))
+    /// Position of a pixel in the image.
+    fn position(&self, u: i32, v: i32) -> Option<usize> {
+        let is_inside = u >= 0 && v >= 0 && (u as u32) < self.width && (v as u32) < self.height;
+        is_inside.then(|| v as usize * self.width as usize + u as usize)
     }
 
-    /// The plane at a pixel: its unit normal, away from the camera, and how far it is for each metre along the
-    /// optical axis.
-    fn plane(&self, u: i32, v: i32, depth_m: f32) -> (Vector3<f32>, f32) {
-        self.plane_of(u, v, depth_m, self.slopes(u, v, depth_m))
-    }
-
-    /// By inverse depth, which is linear on a plane: with 1/z = a·u + b·v + c the plane is n·P = 1 with
-    /// n = (a·fx, b·fy, a·cx + b·cy + c), and a point P = ray·z is (1 − z/depth) / |n| in front of it.
-    fn plane_of(&self, u: i32, v: i32, depth_m: f32, [a, b]: [f32; 2]) -> (Vector3<f32>, f32) {
-        let inverse = 1.0 / depth_m;
-        let (x, y) = (u as f32 - self.centre[0], v as f32 - self.centre[1]);
-        let normal = Vector3::new(a * self.focal[0], b * self.focal[1], inverse - a * x - b * y);
-        let norm = normal.norm();
-        (normal / norm, (inverse / norm).clamp(COSINE_MIN, 1.0))
-    }
-
-    /// Slopes of inverse depth by column and row.
-    fn slopes(&self, u: i32, v: i32, depth_m: f32) -> [f32; 2] {
-        // As wide as a voxel: over less, slopes are mostly the noise of depth.
-        let off = ((self.focal[0] * self.voxel_m / depth_m) as i32).clamp(2, 10);
-        let inverse = 1.0 / depth_m;
-        let at = |u: i32, v: i32| {
-            if u < 0 || v < 0 || u >= self.width || v >= self.height {
-                return f32::NAN;
+    /// Lets the voxels of a block have what they learnt.
+    #[inline(always)]
+    fn apply(&self, block: &mut Block, slabs: &[Slab; BLOCK_SIDE], done: &mut Integrated) {
+        let (means, _) = block.sdf_m.as_chunks_mut::<N_SLAB>();
+        let (weights, _) = block.weight.as_chunks_mut::<N_SLAB>();
+        for ((slab, mean_m), weight) in slabs.iter().zip(means).zip(weights) {
+            if slab.verdict == [Verdict::Nothing; N_SLAB] {
+                continue;
             }
-            let mm = self.depth_mm[(v * self.width + u) as usize];
-            if mm == 0 { f32::NAN } else { 1000.0 / f32::from(mm) }
-        };
-        let a = slope(at(u - off, v), inverse, at(u + off, v)) / off as f32;
-        let b = slope(at(u, v - off), inverse, at(u, v + off)) / off as f32;
-        [a, b]
-    }
-}
-
-/// Slope of inverse depth at the middle of three pixels in line, per distance between them. Next to an edge
-/// the side with the smaller step is on the same surface. NaN is a pixel without depth; with none on either
-/// side the surface is taken to face the camera.
-fn slope(before: f32, here: f32, after: f32) -> f32 {
-    let (from, to) = (here - before, after - here);
-    if from.is_nan() || to.is_nan() {
-        return if !from.is_nan() {
-            from
-        } else if !to.is_nan() {
-            to
-        } else {
-            0.0
-        };
-    }
-    if (to - from).abs() <= PLANE_BEND_MAX * here {
-        (from + to) / 2.0
-    } else if from.abs() < to.abs() {
-        from
-    } else {
-        to
+            let (mut n_hit, mut n_cleared) = (0_u32, 0_u32);
+            for n in 0..N_SLAB {
+                let verdict = slab.verdict[n];
+                let is_hit = verdict == Verdict::Surface;
+                let of_other = if verdict == Verdict::Other { self.absent_step } else { 0.0 };
+                let lost = if verdict == Verdict::Through { self.carve_step } else { of_other };
+                let next_m = mean_m[n] + (slab.sdf_m[n] - mean_m[n]) / (weight[n] + 1.0);
+                let (more, less) = ((weight[n] + 1.0).min(self.weight_max), (weight[n] - lost).max(0.0));
+                mean_m[n] = if is_hit { next_m } else { mean_m[n] };
+                let unless_hit = if lost > 0.0 { less } else { weight[n] };
+                weight[n] = if is_hit { more } else { unless_hit };
+                n_hit = n_hit.wrapping_add(u32::from(is_hit));
+                n_cleared = n_cleared.wrapping_add(u32::from(lost > 0.0));
+            }
+            done.n_voxels_hit += n_hit as usize;
+            done.n_voxels_cleared += n_cleared as usize;
+        }
     }
 }
