@@ -39,7 +39,10 @@ pub fn squared_distance_cells(occupied: &Grid<bool>) -> Grid<f32> {
     result
 }
 
-/// Signed distance to the squares of the occupied cells, metres, and never above it.
+/// Signed distance to the squares of the occupied cells, metres, and outside them never above it.
+///
+/// Within them it is negative, and never above it either but on the ridge of a wall that is an even number of cells
+/// thick, where it may be too shallow by a fraction of a cell.
 ///
 /// Outside EDT − h/2, inside −(EDT − h/2) for cells of side h, less [`CONSERVATIVE_CELLS`]·h everywhere,
 /// so that the *bilinear* field nowhere exceeds the true distance. The plain difference of two

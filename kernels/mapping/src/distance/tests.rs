@@ -60,7 +60,11 @@ proptest! {
         let inside_m = distance_to_squares_m(&grid, false, p);
         let true_m = if outside_m > 0.0 || inside_m.is_infinite() { outside_m } else { -inside_m };
         let sampled_m = signed_distance(&grid).sample(p);
-        prop_assert!(sampled_m <= true_m + 1e-6, "field {sampled_m} m, truth {true_m} m at {p}");
+        // Within obstacles it stays below zero, and on the ridge of a wall an even number of cells thick, where no
+        // cell has its centre, it may be half a cell too shallow, less what is taken from it everywhere.
+        let ridge_m = if true_m < 0.0 { (0.5 - CONSERVATIVE_CELLS) * grid.layout().resolution_m } else { 0.0 };
+        let most_m = if true_m < 0.0 { (true_m + ridge_m).min(0.0) } else { true_m };
+        prop_assert!(sampled_m <= most_m + 1e-6, "field {sampled_m} m, truth {true_m} m at {p}");
     }
 
     #[test]
