@@ -58,7 +58,7 @@ pub fn told(drafts: Vec<(Draft, &[Item])>) -> Option<Vec<Draft>> {
     for (at, (draft, items)) in drafts.into_iter().enumerate() {
         // "the high chair tips | if it is nudged"
         let before_if = joins.get(at) == Some(&(Some(Join::If), false))
-            && items.len() > 1
+            && (items.len() > 1 || after_story)
             && items.last().is_some_and(|item| item.is_word() && item.text.ends_with('s'));
         let is_tied = !matches!(draft.join, Some(Join::And | Join::But));
         let goes_on = after_story
@@ -68,6 +68,16 @@ pub fn told(drafts: Vec<(Draft, &[Item])>) -> Option<Vec<Draft>> {
             is_background(items, goes_on, is_tied || before_if, before_if) && (goes_on || may_open(&draft));
         sorted.push((draft, after_story));
     }
+    // "water | and electronics do not mix"
+    for at in 1..sorted.len() {
+        let (before, rest) = sorted.split_at_mut(at);
+        if let (Some((draft, is_story)), Some((next, true))) = (before.last_mut(), rest.first())
+            && matches!(next.join, Some(Join::And | Join::Or))
+            && is_bare_name(draft)
+        {
+            *is_story = true;
+        }
+    }
     let (stories, orders): (Vec<_>, Vec<_>) = sorted.iter().partition(|(_, is_story)| *is_story);
     let (stories, orders): (Vec<&Draft>, Vec<&Draft>) =
         (stories.iter().map(|(draft, _)| draft).collect(), orders.iter().map(|(draft, _)| draft).collect());
@@ -75,6 +85,16 @@ pub fn told(drafts: Vec<(Draft, &[Item])>) -> Option<Vec<Draft>> {
         return None;
     }
     Some(sorted.into_iter().map(|(draft, is_story)| if is_story { as_story(draft) } else { draft }).collect())
+}
+
+fn is_bare_name(draft: &Draft) -> bool {
+    !draft.names.is_empty()
+        && draft.join == Some(Join::Start)
+        && draft.n_neg == 0
+        && draft.senses.is_empty()
+        && draft.regions.is_empty()
+        && draft.quantities.is_empty()
+        && draft.leftover.is_empty()
 }
 
 /// "the painters finished the door, keep off it": which of the two?
@@ -151,7 +171,11 @@ fn is_background(items: &[Item], goes_on: bool, is_tied: bool, declares_last: bo
     };
     let n_told = (1..items.len())
         .filter(|at| {
-            items.get(*at).is_some_and(|item| declares(item) || holds(item) && is_done_by_others(items, *at))
+            items.get(*at).is_some_and(|item| {
+                let is_denied =
+                    matches!(item.text.as_str(), "do not" | "does not" | "did not" | "can not" | "will not");
+                declares(item) || (holds(item) || is_denied) && is_done_by_others(items, *at)
+            })
         })
         .count();
     let by_pronoun = first.is_any(&[Sense::Subject, Sense::ThereIs])

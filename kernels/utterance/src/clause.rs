@@ -18,6 +18,8 @@ pub struct Clause {
     pub spots: Vec<Name>,
     /// Names told of together before it: what "them" and "both" mean.
     pub group: Vec<Name>,
+    /// Whether what was mentioned last is a gap or a side, which "there" and "it" then mean.
+    pub follows_side: bool,
     /// Whether its place came from a condition said before it.
     pub is_conditioned: bool,
     /// Conditions the robot cannot observe, as said.

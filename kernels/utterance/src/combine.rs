@@ -36,6 +36,8 @@ struct Joiner {
     mentioned_places: Vec<Name>,
     /// The same, and where things were said to be: what "there" means.
     mentioned_spots: Vec<Name>,
+    /// Whether the latest of them is a gap or a side: "the area behind the stove".
+    is_side_mentioned: bool,
     /// A condition waiting for its order.
     condition: Option<Draft>,
     /// Places or names waiting for their order ("in the kitchen, …").

@@ -69,6 +69,7 @@ pub fn limit_of(draft: &Draft, profile: &Profile) -> Result<Limit, Trouble> {
         Sense::Halt,
     ]);
     let spins = draft.has(Sense::TurnFast) && !slow_words;
+    let spins = spins && draft.quantity(Kind::TurnRate).is_none();
     if !negated && (spins || draft.has_any(&[Sense::Fast, Sense::Faster])) {
         let plain = draft.regions.is_empty()
             && draft.names.is_empty()

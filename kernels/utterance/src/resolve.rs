@@ -122,6 +122,18 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
             ..Name::default()
         })
     });
+    // "the gap between the two is tight, do not go there": no name alone says where.
+    let points = |name: &Name| {
+        name.is_pronoun
+            && matches!(
+                name.reference.as_str(),
+                "it" | "there" | "in there" | "that" | "through there" | "over there"
+            )
+    };
+    if clause.follows_side && draft.all_names().any(points) && !draft.all_names().any(|name| !name.is_pronoun)
+    {
+        return Err(Trouble::Ask("Which place do you mean?".into()));
+    }
     let mut own: Option<Name> = None;
     let place = clause.places.last().cloned();
     let onto = draft

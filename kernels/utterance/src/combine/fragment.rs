@@ -2,7 +2,7 @@
 
 use super::{Joiner, Last, N_MENTIONS_MAX};
 use crate::clause::{Clause, is_limit};
-use crate::draft::Draft;
+use crate::draft::{Draft, Place};
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
 use crate::quantity::Kind;
@@ -148,6 +148,7 @@ impl Joiner {
         let placed = draft.regions.iter().flat_map(|region| &region.names);
         self.mentioned.extend(placed.chain(draft.names.iter()).filter(|name| !name.is_pronoun).cloned());
         self.forget_old_mentions();
+        self.is_side_mentioned = draft.regions.iter().any(|region| region.place == Place::Between);
         if draft.names.is_empty() && draft.regions.is_empty() && draft.except.is_empty() {
             return;
         }

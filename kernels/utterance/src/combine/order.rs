@@ -23,6 +23,7 @@ impl Joiner {
         let antecedents = self.mentioned.clone();
         let places = self.mentioned_places.clone();
         let spots = self.mentioned_spots.clone();
+        let follows_side = self.is_side_mentioned;
         self.mention(&draft);
         self.take_waiting(&mut draft);
         let mut clause = Clause {
@@ -32,6 +33,7 @@ impl Joiner {
             spots,
             group: self.group.clone(),
             notes: self.note.take().into_iter().collect(),
+            follows_side,
             is_conditioned: false,
         };
         if let Some(condition) = self.condition.take() {

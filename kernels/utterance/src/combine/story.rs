@@ -13,6 +13,12 @@ use crate::speech::{Speech, speech};
 impl Joiner {
     pub(super) fn mention(&mut self, draft: &Draft) {
         let real = |name: &&Name| !name.is_pronoun;
+        let is_sided = |region: &Region| {
+            !matches!(region.place, Place::Near | Place::On | Place::To)
+                && region.names.iter().any(|name| !name.is_pronoun)
+        };
+        self.is_side_mentioned =
+            draft.regions.iter().any(is_sided) && !draft.names.iter().any(|name| !name.is_pronoun);
         let governed: Vec<Name> =
             draft.regions.iter().flat_map(|region| &region.names).filter(real).cloned().collect();
         self.mentioned_places.extend(governed.iter().cloned());

@@ -216,7 +216,9 @@ mod tests {
                 .filter(|part| matches!(part, super::Part::Distance | super::Part::Words))
                 .count();
             let named = frame.plain.iter().filter(|word| word.starts_with('{')).count();
-            assert!(named <= n_holes && named == n_holes, "{:?}", frame.plain);
+            // Only a change may leave something out: the number that no longer holds.
+            let changes = frame.plain.iter().any(|word| word == "make");
+            assert!(named == n_holes || changes && named < n_holes, "{:?}", frame.plain);
         }
     }
 
