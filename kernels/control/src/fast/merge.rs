@@ -85,25 +85,26 @@ impl Merged {
             .max(diagonal_m / DIAGONAL_MAX)
             .max(deepest_m / (BASE_MAX - 2) as f32)
             .max(QUANTUM_M_MIN);
+        let mut quanta = vec![0_i32; n];
+        let quantum_m = merged.quantum_m;
+        isa.run(Quantise { least_m: &least_m, quantum_m, quanta: &mut quanta });
         let mut words = vec![0_u32; n_cols - 1];
-        for row in 0..n_rows - 1 {
-            let least_m = &least_m[row * n_cols..(row + 2) * n_cols];
-            isa.run(Pack { least_m, quantum_m: merged.quantum_m, words: &mut words });
+        for (row, quanta) in (0..n_rows - 1).map(|row| (row, &quanta[row * n_cols..(row + 2) * n_cols])) {
+            isa.run(Pack { quanta, words: &mut words });
             for (col, word) in words.iter().enumerate() {
                 write(row * n_cols + col, *word);
             }
         }
-        let word_of = |margins_m: [f32; 4], is_ridge: bool| {
-            packed(margins_m.map(|m| ((m - SLACK_M) / merged.quantum_m).floor() as i32), is_ridge)
-        };
         for cell_idx in marked {
-            write(cell_idx, word_of(corners(&least_m, n_cols, cell_idx), true));
+            let [a, b, c, d] = [0, 1, n_cols, n_cols + 1].map(|at| quanta[cell_idx + at]);
+            write(cell_idx, packed([a, b, c, d], true));
         }
         let mut ridge_words = Vec::with_capacity(merged.ridge_layers.len());
         for (ridge, cell_idx) in ridge_cells.into_iter().enumerate() {
             let (from, to) = (merged.ridge_starts[ridge] as usize, merged.ridge_starts[ridge + 1] as usize);
             ridge_words.extend(merged.ridge_layers[from..to].iter().map(|layer| {
-                word_of(first_corners_of(layers[usize::from(*layer)], n_cols, cell_idx), false)
+                let corners_m = first_corners_of(layers[usize::from(*layer)], n_cols, cell_idx);
+                packed(corners_m.map(|margin_m| quanta_of(margin_m, quantum_m)), false)
             }));
         }
         Merged { ridge_words, ..merged }
@@ -152,7 +153,8 @@ impl Merged {
             note_slope(&first, found.steepest);
             for idx in &matter {
                 let here = first_corners_of(layers[*idx], n_cols, cell_idx);
-                if *idx == owner || (0..4).all(|k| here[k] >= first[k]) {
+                let is_smaller = (0..4).fold(false, |any, k| any | (here[k] < first[k]));
+                if *idx == owner || !is_smaller {
                     continue;
                 }
                 gap_m = gap_m.min(widest(&here, &least));
@@ -229,9 +231,11 @@ struct Ridges<'a> {
 
 #[inline(always)]
 fn corners(values: &[f32], n_cols: usize, cell_idx: usize) -> [f32; 4] {
-    [values[cell_idx], values[cell_idx + 1], values[cell_idx + n_cols], values[cell_idx + n_cols + 1]]
+    let (lower, upper) = (&values[cell_idx..cell_idx + 2], &values[cell_idx + n_cols..cell_idx + n_cols + 2]);
+    [lower[0], lower[1], upper[0], upper[1]]
 }
 
+#[inline(always)]
 fn first_corners_of(layer: MergeLayer<'_>, n_cols: usize, cell_idx: usize) -> [f32; 4] {
     corners(layer.values_m, n_cols, cell_idx).map(|v| v - layer.keep_m)
 }
@@ -335,10 +339,36 @@ impl Work for Steepest<'_> {
     }
 }
 
-/// The words of a row of cells from the margins of its two rows of points.
-struct Pack<'a> {
+/// A margin in whole quanta, rounded down.
+#[inline(always)]
+fn quanta_of(margin_m: f32, quantum_m: f32) -> i32 {
+    let quanta = (margin_m - SLACK_M) / quantum_m;
+    // Not `floor`, which the baseline of x86-64 calls a function for.
+    let towards_zero = quanta as i32;
+    towards_zero.wrapping_sub(if towards_zero as f32 > quanta { 1 } else { 0 })
+}
+
+/// Margins in quanta.
+struct Quantise<'a> {
     least_m: &'a [f32],
     quantum_m: f32,
+    quanta: &'a mut [i32],
+}
+
+impl Work for Quantise<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Quantise { least_m, quantum_m, quanta } = self;
+        for (to, margin_m) in quanta.iter_mut().zip(least_m) {
+            *to = quanta_of(*margin_m, quantum_m);
+        }
+    }
+}
+
+/// The words of a row of cells from the quanta of its two rows of points.
+struct Pack<'a> {
+    quanta: &'a [i32],
     words: &'a mut [u32],
 }
 
@@ -346,14 +376,13 @@ impl Work for Pack<'_> {
     type Output = ();
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Pack { least_m, quantum_m, words } = self;
-        let (lower, upper) = least_m.split_at(least_m.len() / 2);
+        let Pack { quanta, words } = self;
+        let (lower, upper) = quanta.split_at(quanta.len() / 2);
         let n = words.len().min(lower.len() - 1).min(upper.len() - 1);
         let (a, b, c, d) = (&lower[..n], &lower[1..][..n], &upper[..n], &upper[1..][..n]);
         let words = &mut words[..n];
-        let quanta = |margin_m: f32| ((margin_m - SLACK_M) / quantum_m).floor() as i32;
         for col in 0..n {
-            words[col] = packed([quanta(a[col]), quanta(b[col]), quanta(c[col]), quanta(d[col])], false);
+            words[col] = packed([a[col], b[col], c[col], d[col]], false);
         }
     }
 }
