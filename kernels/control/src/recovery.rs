@@ -17,7 +17,7 @@ const OBSTACLE_WEIGHT: f64 = 1e6;
 /// See [`OBSTACLE_WEIGHT`]: for entering zones and breaking limits.
 const RULE_WEIGHT: f64 = 1e3;
 /// Cost of a metre to the exit at the end of a plan, against a metre of depth for a second. More than a metre
-/// deeper can cost over [`COMPARED_S`]: a metre nearer to the exit always pays.
+/// deeper can cost all along ([`Judge::depth_weight`]): a metre nearer to the exit always pays.
 const EXIT_WEIGHT: f64 = 8.0;
 /// Stands for "no way out": farther than any exit.
 const NO_EXIT_M: f64 = 50.0;
@@ -146,6 +146,9 @@ struct Judge<'a, 'w> {
     forgiven_m: f64,
     /// Time over which plans are compared, seconds.
     compared_s: f64,
+    /// Cost of a metre of depth for a second: a metre deeper, all the time that is compared and at the deepest, costs
+    /// less than a metre of the way out.
+    depth_weight: f64,
 }
 
 /// What a plan does wrong, class by class; every part only grows along the plan.
@@ -164,10 +167,10 @@ struct Wrongs {
 }
 
 impl Wrongs {
-    fn harm(&self, forgiven_m: f64) -> f64 {
+    fn harm(&self, forgiven_m: f64, depth_weight: f64) -> f64 {
         OBSTACLE_WEIGHT * (self.obstacle_m - forgiven_m).max(0.0)
             + RULE_WEIGHT * (self.entered_m + self.over_s)
-            + self.depth_m_s
+            + depth_weight * self.depth_m_s
             + DEEPER_WEIGHT * self.deeper_m
     }
 }
@@ -178,7 +181,9 @@ impl<'a, 'w> Judge<'a, 'w> {
         let is_in_zone = scene.spatial.iter().any(|layer| layer.soft);
         let rate_rad_s = scene.limits_in_force().yaw_rate_rad_s_max.max(TURN_RATE_RAD_S_MIN);
         let compared_s = COMPARED_S + std::f64::consts::PI / rate_rad_s;
-        let judge = Judge { scene, exits, start_depth_m, is_in_zone, forgiven_m: 0.0, compared_s };
+        let depth_weight = ((EXIT_WEIGHT - DEEPER_WEIGHT - 1.0) / compared_s).min(1.0);
+        let judge =
+            Judge { scene, exits, start_depth_m, is_in_zone, forgiven_m: 0.0, compared_s, depth_weight };
         let braking = judge.judge(std::iter::empty(), f64::INFINITY);
         let braking_short_m = braking.map_or(0.0, |(_, short_m)| short_m);
         let position_m = scene.assumptions.disturbance.position_m;
@@ -200,7 +205,7 @@ impl<'a, 'w> Judge<'a, 'w> {
             let counts_s = if f64::from(n_steps) * step_s <= self.compared_s { step_s } else { 0.0 };
             self.add_spatial(&mut wrongs, &to, lost_m, counts_s);
             wrongs.over_s += limits_broken(scene, (&from, &to), tube_m, n_steps == 1) * step_s;
-            if wrongs.harm(self.forgiven_m) > ceiling {
+            if wrongs.harm(self.forgiven_m, self.depth_weight) > ceiling {
                 return None;
             }
             from = to;
@@ -219,7 +224,8 @@ impl<'a, 'w> Judge<'a, 'w> {
             None if self.is_in_zone => end_depth_m,
             None => 0.0,
         };
-        let harm = wrongs.harm(self.forgiven_m) + EXIT_WEIGHT * (exit_m + self.still_near_m(end));
+        let harm =
+            wrongs.harm(self.forgiven_m, self.depth_weight) + EXIT_WEIGHT * (exit_m + self.still_near_m(end));
         (harm <= ceiling).then_some((harm, wrongs.obstacle_m))
     }
 
@@ -227,6 +233,8 @@ impl<'a, 'w> Judge<'a, 'w> {
     fn add_spatial(&self, wrongs: &mut Wrongs, to: &Sample, lost_m: f64, counts_s: f64) {
         let position_m = self.scene.assumptions.disturbance.position_m;
         let fallen_m = FIELD_SLOPE * to.path_m + self.scene.assumptions.closing_speed_m_s * to.moving_s;
+        // Of zones that overlap only the deepest counts: two are left by the same way as one.
+        let mut soft_m = 0.0_f64;
         for layer in &self.scene.spatial {
             let is_far = layer.start_m - fallen_m > lost_m.max(0.0);
             if is_far && !layer.soft && !layer.is_too_near(&self.scene.assumptions) {
@@ -235,7 +243,7 @@ impl<'a, 'w> Judge<'a, 'w> {
             }
             let margin_m = layer.margin_m(to.state.position(), to.moving_s);
             if layer.soft {
-                wrongs.depth_m_s += (position_m - margin_m).max(0.0) * counts_s;
+                soft_m = soft_m.max(position_m - margin_m);
                 wrongs.deeper_m = wrongs.deeper_m.max(-margin_m - self.start_depth_m);
                 continue;
             }
@@ -252,6 +260,7 @@ impl<'a, 'w> Judge<'a, 'w> {
                 wrongs.depth_m_s += (position_m + TOO_NEAR_BEYOND_M - margin_m).max(0.0) * counts_s;
             }
         }
+        wrongs.depth_m_s += soft_m * counts_s;
     }
 
     /// How much is missing at the end of a plan to be clear of what the start is too near to, metres.

@@ -165,14 +165,13 @@ impl System {
         }
     }
 
-    /// Safe-Lang knows where things are and nothing else: no relations, no buffers, no speeds.
+    /// Safe-Lang keeps a distance from things and knows nothing else: no relations, no speeds.
     fn as_the_method_takes_them(&self, mut rules: RuleSet) -> RuleSet {
         if self.condition.method == Method::SafeLang {
             rules.specs.retain(|rule| rule.rule_type == RuleType::Exclusion && rule.needs_grounding());
             for rule in &mut rules.specs {
                 rule.relation = Relation::Near;
                 rule.obj2 = None;
-                rule.buffer_m = 0.0;
             }
         }
         rules
