@@ -104,7 +104,16 @@ fn findable_regions(condition: &Draft, unknown_state: bool) -> Vec<Region> {
         Sense::Turn,
         Sense::Statement,
     ]) || !condition.quantities.is_empty();
-    let findable = |name: &&Name| !is_self(name) && (sees || comes) && !(name.is_pronoun && unknown_state);
+    // "when transporting samples": what the robot does then, and no place.
+    let is_deed = |name: &Name| {
+        condition.senses.is_empty()
+            && condition.regions.is_empty()
+            && name.n_words > 1
+            && name.reference.split(' ').next().is_some_and(|word| word.ends_with("ing"))
+    };
+    let findable = |name: &&Name| {
+        (sees || !is_deed(name)) && !is_self(name) && (sees || comes) && !(name.is_pronoun && unknown_state)
+    };
     let names: Vec<Name> = condition.names.iter().filter(findable).cloned().collect();
     let mut regions: Vec<Region> = condition
         .regions

@@ -108,6 +108,11 @@ fn is_noun_here(tokens: &[Token], at: usize, before: Option<&Item>) -> bool {
         })
     };
     match word {
+        // "the old man", but "slow down, man"
+        "man" | "mate" | "buddy" | "pal" | "dude" | "love" | "dear" => {
+            before.is_some_and(|item| item.is(Sense::Det) || speech(&item.text) == Speech::Adjective)
+                || before.is_some_and(|item| item.is_word() && Nouns::get().knows(&item.text))
+        }
         // "the robot cell fence"
         "the" | "a" | "any" if matches!(after, "robot" | "bot" | "machine" | "vehicle") => names_on(2),
         "robot" | "machine" | "vehicle" if at > 0 => {

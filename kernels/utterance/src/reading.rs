@@ -44,6 +44,9 @@ pub fn parse(active: &[Rule], profile: &Profile, words: &str) -> Reply {
     if !may_hide_a_slip {
         return reply;
     }
+    if plain.len() > N_TOKENS_PUT_RIGHT_MAX {
+        return reply;
+    }
     match spelling::put_right(&plain) {
         Some((fixed, told)) => {
             let mut second = context.read(&fixed, None, true);
@@ -62,6 +65,9 @@ pub fn parse(active: &[Rule], profile: &Profile, words: &str) -> Reply {
         None => reply,
     }
 }
+
+/// Most tokens that slips are looked for in. Chosen: longer texts would be read four times, and may be asked about.
+const N_TOKENS_PUT_RIGHT_MAX: usize = 64;
 
 /// Most rules of one utterance. Chosen: more cannot be read back, and a robot holds no more.
 const N_RULES_MAX: usize = 16;

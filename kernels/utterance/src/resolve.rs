@@ -78,6 +78,15 @@ fn check_words(draft: &Draft) -> Result<(), Trouble> {
     if let Some(word) = draft.leftover.first() {
         return Err(Trouble::Ask(format!("I did not understand \"{word}\". What should I heed?")));
     }
+    // "painters finished the door it should not be touched": a story and an order in one breath; what is the order about?
+    let told_and_forbidden = draft.has(Sense::Statement)
+        && draft.is_negated()
+        && !draft.predicate.is_empty()
+        && draft.regions.is_empty()
+        && draft.has(Sense::VerbTouch);
+    if told_and_forbidden {
+        return Err(Trouble::Ask("What should I not touch?".into()));
+    }
     let excludes = draft.has_any(&[Sense::Avoid, Sense::Away, Sense::StayOff, Sense::Wide]);
     let limits =
         draft.has_any(&[Sense::Fast, Sense::Faster, Sense::Slow, Sense::Crawl, Sense::Halt, Sense::TurnSlow]);
@@ -159,7 +168,8 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
             continue;
         }
         let there = clause.spots.last().filter(|_| name.reference.ends_with("there")).cloned();
-        match own.clone().or(there).or_else(|| earlier.clone()) {
+        let own = own.clone().filter(|own| name.reference != "it" || !is_plural(own));
+        match own.or(there).or_else(|| earlier.clone()) {
             Some(referent) => *name = referent,
             None => return Err(Trouble::Ask(format!("What do you mean by \"{}\"?", name.reference))),
         }

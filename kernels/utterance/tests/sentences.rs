@@ -78,6 +78,19 @@ fn what_is_in_doubt_is_asked_about() {
         "no need to slow down in the hall but do near the tanks",
         "stay right up next to the bed all the time and never go near the bed",
         "avoid the poisonous",
+        // Somebody else is told; a question; what was; a measure of the thing; a condition on nothing.
+        "the pupils must stay away from the kiln",
+        "the crane swings wide. It must stay away from the fence.",
+        "should you avoid the loom?",
+        "the loft is off limits?",
+        "the loft was off limits but not any more",
+        "I keep a metre from the kiln myself",
+        "the hatch is 80 cm wide",
+        "don't drive over hoses thicker than 3 cm",
+        "when I whistle, stop",
+        "the loom and the wheel are new. Keep away from the former.",
+        "the gap between the loom and the wheel is narrow, so never go in there",
+        "keep half a metre off the loft, or something",
     ] {
         let reply = utterance::parse(&[], &Profile::sim(), words);
         assert_eq!(reply.outcome, Outcome::Clarify, "{words:?}: {}", reply.say);
@@ -97,6 +110,13 @@ fn what_is_told_is_no_order_and_a_pronoun_means_what_it_can() {
         ("my husband works nights and is asleep, do not wake him", "husband"),
         ("you scared the cat, slow down around her", "cat"),
         ("grandma gave me that lamp, keep half a metre from it", "lamp"),
+        ("You scared the wits out of me by the gate. Keep a metre from the gate.", "gate"),
+        ("I have got three hoses running across the yard. Keep a metre off those hoses.", "hose"),
+        ("the potters glazed the kiln, keep a metre from it", "kiln"),
+        ("My aunt planted those ferns herself, so keep two feet from them", "fern"),
+        ("Oil and wool do not mix. Stay away from the loom.", "loom"),
+        ("Half a metre is the closest you should ever get to the kiln", "kiln"),
+        ("treat the kiln as if there were a fence around it", "kiln"),
     ] {
         let reply = utterance::parse(&[], &Profile::sim(), words);
         assert_eq!(reply.outcome, Outcome::Accept, "{words:?}: {}", reply.say);

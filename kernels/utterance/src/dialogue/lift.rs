@@ -99,11 +99,18 @@ pub(super) fn lift(draft: &Draft, active: &[Rule]) -> Result<Change, Trouble> {
     if named.is_empty() {
         let about_speed = is_limit(draft) || draft.has_any(&[Sense::Fast, Sense::Faster]);
         let chosen: Vec<String> = if about_speed {
-            active
+            let global = active
                 .iter()
                 .filter(|rule| rule.vel_max.is_some() && rule.relation == Relation::Global)
                 .map(|rule| rule.id.clone())
-                .collect()
+                .collect::<Vec<_>>();
+            // "you need not be quiet any more": the one limit there is.
+            let limits: Vec<&Rule> =
+                active.iter().filter(|rule| rule.rule_type == RuleType::Kinematic).collect();
+            match limits.as_slice() {
+                [only] if global.is_empty() => vec![only.id.clone()],
+                _ => global,
+            }
         } else if draft.has(Sense::AllRules) {
             active.iter().map(|rule| rule.id.clone()).collect()
         } else if draft.has(Sense::Everywhere) {

@@ -44,6 +44,12 @@ pub(super) fn choose(item: &Item, senses: &[Sense], draft: &Draft, next: Option<
         {
             return Some(Sense::SpeedNoun);
         }
+        // "top speed near the crib: 0.2 m/s"
+        "top speed" | "max speed"
+            if draft.senses.is_empty() && draft.n_neg == 0 && draft.names.is_empty() =>
+        {
+            return Some(Sense::SpeedNoun);
+        }
         "wipe" if next.is_some_and(|n| n.is(Sense::AllRules)) => return Some(Sense::Revoke),
         "drop" if next.is_some_and(|n| n.is(Sense::To)) => return Some(Sense::Dampen),
         "out" if draft.has(Sense::VerbWake) => return None,
