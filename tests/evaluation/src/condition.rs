@@ -158,4 +158,32 @@ pub struct Condition {
     pub seed: u64,
     /// Each side of the camera's images is divided by this.
     pub camera_divisor: u32,
+    /// How much the filter samples; as shipped when not given.
+    pub search: Option<SearchSize>,
+}
+
+/// How much the filter samples, the paper's N, R and H.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SearchSize {
+    /// Sequences in each round.
+    pub n_samples: usize,
+    /// Rounds.
+    pub n_rounds: usize,
+    /// Steps before the braking tail.
+    pub n_steps: usize,
+}
+
+impl std::str::FromStr for SearchSize {
+    type Err = String;
+
+    /// Reads `50,2,20`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("{text:?} is not N,R,H, as in 50,2,20");
+        let numbers: Vec<usize> =
+            text.split(',').map(str::parse).collect::<Result<_, _>>().map_err(|_| wrong())?;
+        match numbers[..] {
+            [n_samples, n_rounds, n_steps] => Ok(SearchSize { n_samples, n_rounds, n_steps }),
+            _ => Err(wrong()),
+        }
+    }
 }

@@ -13,7 +13,7 @@ use heedway_simulator::config::{ModelSettings, NoiseSettings};
 use service::Settings;
 use toml::Table;
 
-use crate::condition::{Condition, Masks, Method, Planner, Sensing};
+use crate::condition::{Condition, Masks, Method, Planner, SearchSize, Sensing};
 
 /// How far the start may lie from where the scene says, metres: "randomised" as the paper has it, and little
 /// enough that the nominal way stays the nominal way.
@@ -67,6 +67,11 @@ impl Setup {
             Method::SmoothBlending | Method::SafeGeom | Method::SafeLang => MethodName::SmoothBlending,
             Method::PaperLiteral => MethodName::PaperLiteral,
         };
+        if let Some(SearchSize { n_samples, n_rounds, n_steps }) = condition.search {
+            setup.filter.n_samples = n_samples;
+            setup.filter.n_rounds = n_rounds;
+            setup.filter.n_steps = n_steps;
+        }
         setup.navigator.planner = match (condition.method, condition.planner) {
             (Method::SafeGeom, _) | (_, Planner::Base) => PlannerSetting::Base,
             _ => PlannerSetting::BaseAndRules,

@@ -149,6 +149,7 @@ pub fn jobs<'a>(chosen: &'a [Chosen<'a>], matrix: &Matrix) -> Vec<Job<'a>> {
                             event,
                             masks: Masks::Models,
                             filter_off: false,
+                            search: None,
                             seed,
                             camera_divisor: matrix.camera_divisor,
                         },

@@ -26,6 +26,7 @@ fn condition(method: Method, planner: Planner, seed: u64) -> Condition {
         event: Event::None,
         masks: Masks::Models,
         filter_off: false,
+        search: None,
         seed,
         camera_divisor: 4,
     }

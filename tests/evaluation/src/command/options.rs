@@ -5,7 +5,7 @@ use clap::Args;
 use geometry::Profile;
 use heedway_simulator::scene::Hull;
 
-use crate::condition::{Condition, Event, Masks, Method, Planner, Sensing};
+use crate::condition::{Condition, Event, Masks, Method, Planner, SearchSize, Sensing};
 use crate::setup::profile;
 
 /// How trials are played.
@@ -29,6 +29,9 @@ pub struct Options {
     /// Each side of the camera's images is divided by this: faster, and coarser.
     #[arg(long, default_value_t = 1)]
     pub camera_divisor: u32,
+    /// How much the filter samples: sequences, rounds and steps; as shipped when not given.
+    #[arg(long, value_name = "N,R,H")]
+    pub search: Option<SearchSize>,
 }
 
 impl Options {
@@ -44,6 +47,7 @@ impl Options {
             filter_off: false,
             seed: self.seed.wrapping_add(k),
             camera_divisor: self.camera_divisor,
+            search: self.search,
         }
     }
 }
