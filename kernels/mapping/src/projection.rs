@@ -108,7 +108,7 @@ impl<'a> TrustedDepth<'a> {
     }
 
     /// Whether a pixel is in the mask.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn in_mask(&self, idx: usize) -> bool {
         self.mask.is_none_or(|mask| mask.bits()[idx])
     }
@@ -133,7 +133,7 @@ impl<'a> TrustedDepth<'a> {
     }
 
     /// Depth at a pixel of the mask, metres; `None` when it is not to be trusted.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn at(&self, col: usize, row: usize) -> Option<f32> {
         let depth_m = self.raw_m(row * self.width + col);
         // Zero, which is no depth, is below any range.
@@ -148,12 +148,12 @@ impl<'a> TrustedDepth<'a> {
         Some(depth_m)
     }
 
-    #[inline]
+    #[inline(always)]
     fn raw_m(&self, idx: usize) -> f32 {
         f32::from(self.depth_mm[idx]) * 0.001
     }
 
-    #[inline]
+    #[inline(always)]
     fn is_edge(&self, col: usize, row: usize, depth_m: f32) -> bool {
         let idx = row * self.width + col;
         let across = (
@@ -168,7 +168,7 @@ impl<'a> TrustedDepth<'a> {
     }
 
     /// Whether three depths in line break at the middle one; 0 is a depth that is not known.
-    #[inline]
+    #[inline(always)]
     fn breaks(&self, before: f32, here: f32, after: f32) -> bool {
         // Nearly all are no edge by far: told without a division.
         let off_m = |other: f32| if other > 0.0 { (other - here).abs() } else { 0.0 };
@@ -188,28 +188,40 @@ impl<'a> TrustedDepth<'a> {
     }
 
     /// Whether a pixel within `erode_px` of the mask's border lies behind something as close by.
+    #[inline(always)]
     fn is_leak(&self, col: usize, row: usize, depth_m: f32) -> bool {
-        if self.mask.is_none() {
+        let Some(bits) = self.mask.map(Mask::bits) else { return false };
+        let (idx, reach) = (row * self.width + col, self.erode_px);
+        let is_within = col >= reach && row >= reach && col + reach < self.width && row + reach < self.height;
+        let is_inside = |off: usize| {
+            bits[idx - off] & bits[idx + off] & bits[idx - off * self.width] & bits[idx + off * self.width]
+        };
+        // Most pixels are well inside.
+        if is_within && (1..=reach).all(is_inside) {
             return false;
         }
+        self.is_behind_border(col, row, depth_m)
+    }
+
+    /// [`Self::is_leak`], anywhere in a mask.
+    fn is_behind_border(&self, col: usize, row: usize, depth_m: f32) -> bool {
         let idx = row * self.width + col;
-        let mut around = (1..=self.erode_px).flat_map(|off| {
-            [
+        let closer_m = depth_m * (1.0 - LEAK);
+        let (mut at_border, mut behind) = (false, false);
+        for off in 1..=self.erode_px {
+            let neighbours = [
                 (col >= off).then(|| idx - off),
                 (col + off < self.width).then(|| idx + off),
                 (row >= off).then(|| idx - off * self.width),
                 (row + off < self.height).then(|| idx + off * self.width),
-            ]
-        });
-        // Most pixels are well inside: the border is looked for first.
-        let mut beside = around.clone().flatten();
-        if beside.all(|neighbour| self.in_mask(neighbour)) {
-            return false;
+            ];
+            for neighbour in neighbours.into_iter().flatten() {
+                at_border |= !self.in_mask(neighbour);
+                let there_m = self.raw_m(neighbour);
+                behind |= there_m > 0.0 && there_m < closer_m;
+            }
         }
-        let closer_m = depth_m * (1.0 - LEAK);
-        around.any(|neighbour| {
-            neighbour.map(|idx| self.raw_m(idx)).is_some_and(|there_m| there_m > 0.0 && there_m < closer_m)
-        })
+        at_border && behind
     }
 }
 

@@ -85,6 +85,21 @@ impl Slab {
         verdict: [Verdict::Nothing; N_SLAB],
     };
 
+    /// Which voxels have to look closer, a bit for each.
+    #[inline(always)]
+    pub(super) fn open(&self) -> u64 {
+        let mut is_open = [0_u8; N_SLAB];
+        for (is_open, verdict) in is_open.iter_mut().zip(&self.verdict) {
+            *is_open = u8::from(*verdict as u8 >= Verdict::Grazing as u8);
+        }
+        let rows = is_open.as_chunks::<BLOCK_SIDE>().0.iter().enumerate();
+        rows.fold(0, |bits, (row, bytes)| {
+            // Gathers the lowest bit of each of eight bytes in the highest byte.
+            let gathered = u64::from_le_bytes(*bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+            bits | gathered << (row * BLOCK_SIDE)
+        })
+    }
+
     /// Finds the pixels and tiles of the voxels of a slab that lies `up` from the one that begins at `first`, in
     /// `camera`.
     #[inline(always)]
@@ -120,13 +135,17 @@ impl Slab {
                 *in_mask = bits.get(*pixel as usize).copied().unwrap_or(false);
             }
         }
+        let clears = view.clears();
+        if !clears && in_mask == [false; N_SLAB] {
+            self.verdict = [Verdict::Nothing; N_SLAB];
+            return;
+        }
         let mut planes: [TilePlane; N_SLAB] = [[0.0; 4]; N_SLAB];
         for (plane, tile) in planes.iter_mut().zip(&self.tile) {
             *plane = view.tiles.plane(*tile);
         }
         let View { voxel_m, truncation_m, .. } = *view;
         let (far_m, edge_m) = (truncation_m / COSINE_MIN, EDGE_BAND * truncation_m);
-        let clears = view.clears();
         for n in 0..N_SLAB {
             let has_weight = weight[n] > 0.0;
             let depth_m = seen_mm[n] as f32 * 0.001;

@@ -78,7 +78,8 @@ impl Work for Cut<'_, '_> {
         let (mut shown, mut seen) = (Vec::new(), Vec::new());
         let mut last = [[i32::MAX; 3]; 3];
         for tile_row in 0..tiles.n_rows as usize {
-            (shown.clear(), seen.clear());
+            shown.clear();
+            seen.clear();
             self.look_along(&tiles, tile_row, &mut shown, &mut seen);
             for batch in shown.chunks(LANES) {
                 self.find_planes(&mut tiles, batch);

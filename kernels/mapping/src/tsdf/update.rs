@@ -89,28 +89,24 @@ impl List {
         List { n: 0, positions: [0; BLOCK_VOXELS] }
     }
 
+    /// Without a branch: which voxel is of which kind is not to be foreseen. No block has more than there is room for.
     #[inline(always)]
-    fn push(&mut self, position: usize) {
-        if let Some(place) = self.positions.get_mut(self.n) {
-            *place = position as u16;
-            self.n += 1;
-        }
+    fn push_if(&mut self, is_kept: bool, position: usize) {
+        let last = BLOCK_VOXELS - 1;
+        self.positions[self.n.min(last)] = position as u16;
+        self.n = self.n.wrapping_add(usize::from(is_kept));
     }
 
     #[inline(always)]
     fn all(&self) -> &[u16] {
-        &self.positions[..self.n]
+        &self.positions[..self.n.min(BLOCK_VOXELS)]
     }
 }
 
-/// Up to [`LANES`] voxels of a block, gathered from its slabs; the last one again where there are fewer.
-struct Batch {
-    at: [Lanes; 3],
-    pixel: [[i32; LANES]; 2],
-    ahead_m: Lanes,
-    sdf_m: Lanes,
-    depth_m: Lanes,
-    normal: [Lanes; 3],
+/// The slab of a voxel of a block, and its place there.
+#[inline(always)]
+fn place(slabs: &[Slab; BLOCK_SIDE], position: u16) -> (&Slab, usize) {
+    (&slabs[position as usize / N_SLAB % BLOCK_SIDE], position as usize % N_SLAB)
 }
 
 impl<'a> View<'a> {
@@ -167,22 +163,14 @@ impl<'a> View<'a> {
             }
             slab.place(self, &first, &z.map(|step| step * nth as f32));
             slab.judge(self, weight, reserved);
-            let mut is_open = [0_u8; N_SLAB];
-            for (is_open, verdict) in is_open.iter_mut().zip(&slab.verdict) {
-                *is_open = u8::from(*verdict as u8 >= Verdict::Grazing as u8);
-            }
-            for (row, bytes) in is_open.as_chunks::<BLOCK_SIDE>().0.iter().enumerate() {
-                let mut rest = u64::from_le_bytes(*bytes);
-                while rest != 0 {
-                    let n = row * BLOCK_SIDE + rest.trailing_zeros() as usize / 8;
-                    rest &= rest - 1;
-                    let list = match slab.verdict[n] {
-                        Verdict::Grazing => &mut open.grazing,
-                        Verdict::Edge => &mut open.edges,
-                        _ => &mut open.doubted,
-                    };
-                    list.push(nth * N_SLAB + n);
-                }
+            let mut rest = slab.open();
+            while rest != 0 {
+                let n = rest.trailing_zeros() as usize % N_SLAB;
+                rest &= rest - 1;
+                let (position, verdict) = (nth * N_SLAB + n, slab.verdict[n]);
+                open.grazing.push_if(verdict == Verdict::Grazing, position);
+                open.edges.push_if(verdict == Verdict::Edge, position);
+                open.doubted.push_if(verdict == Verdict::Doubted, position);
             }
         }
     }
@@ -191,8 +179,15 @@ impl<'a> View<'a> {
     #[inline(always)]
     fn look_closer(&self, block: &Block, slabs: &mut [Slab; BLOCK_SIDE], open: &mut Open) {
         for positions in open.grazing.all().chunks(LANES) {
-            let batch = self.batch(slabs, positions);
-            let is_over = self.are_over_object(&batch.at, &batch.normal, &batch.sdf_m);
+            let (mut at, mut normal) = ([[0.0_f32; LANES]; 3], [[0.0_f32; LANES]; 3]);
+            let mut sdf_m = [0.0_f32; LANES];
+            for (lane, position) in positions.iter().take(LANES).enumerate() {
+                let (slab, n) = place(slabs, *position);
+                (at[0][lane], at[1][lane], at[2][lane]) = (slab.at[0][n], slab.at[1][n], slab.at[2][n]);
+                [normal[0][lane], normal[1][lane], normal[2][lane]] = self.tiles.normal(slab.tile[n]);
+                sdf_m[lane] = slab.sdf_m[n];
+            }
+            let is_over = self.are_over_object(&at, &normal, &sdf_m);
             for (position, is_over) in positions.iter().zip(is_over) {
                 let (slab, n) = (*position as usize / N_SLAB, *position as usize % N_SLAB);
                 slabs[slab].verdict[n] = if is_over { Verdict::Surface } else { Verdict::Nothing };
@@ -207,25 +202,6 @@ impl<'a> View<'a> {
         }
     }
 
-    #[inline(always)]
-    fn batch(&self, slabs: &[Slab; BLOCK_SIDE], positions: &[u16]) -> Batch {
-        let (mut at, mut normal) = ([[0.0_f32; LANES]; 3], [[0.0_f32; LANES]; 3]);
-        let (mut pixel, mut mm) = ([[0_i32; LANES]; 2], [0_i32; LANES]);
-        let (mut ahead_m, mut sdf_m) = ([0.0_f32; LANES], [0.0_f32; LANES]);
-        let last = positions.len().saturating_sub(1);
-        for lane in 0..LANES {
-            let position = positions[lane.min(last)] as usize;
-            let (slab, n) = (&slabs[position / N_SLAB], position % N_SLAB);
-            (at[0][lane], at[1][lane], at[2][lane]) = (slab.at[0][n], slab.at[1][n], slab.at[2][n]);
-            (pixel[0][lane], pixel[1][lane]) = (slab.col[n], slab.row[n]);
-            (ahead_m[lane], sdf_m[lane]) = (slab.ahead_m[n], slab.sdf_m[n]);
-            mm[lane] = self.depth_mm.get(slab.pixel[n] as usize).map_or(0, |mm| i32::from(*mm));
-            [normal[0][lane], normal[1][lane], normal[2][lane]] = self.tiles.normal(slab.tile[n]);
-        }
-        let depth_m = mm.map(|mm| mm as f32 * 0.001);
-        Batch { at, pixel, ahead_m, sdf_m, depth_m, normal }
-    }
-
     /// What masked pixels that lie on no tile's plane say; whose surface is far behind may lose.
     #[inline(always)]
     fn look_at_edges(
@@ -235,22 +211,33 @@ impl<'a> View<'a> {
         block: &Block,
         doubted: &mut List,
     ) {
-        let batch = self.batch(slabs, positions);
-        let found = self.planes.at(&batch.pixel, &batch.depth_m);
-        let mut sdf_m = [0.0_f32; LANES];
-        for lane in 0..LANES {
-            sdf_m[lane] = batch.ahead_m[lane] * found.cosine[lane];
+        let mut at = [[0.0_f32; LANES]; 3];
+        let (mut pixels, mut mm) = ([[0_i32; LANES]; 2], [1_i32; LANES]);
+        let mut ahead_m = [0.0_f32; LANES];
+        for (lane, position) in positions.iter().take(LANES).enumerate() {
+            let (slab, n) = place(slabs, *position);
+            (at[0][lane], at[1][lane], at[2][lane]) = (slab.at[0][n], slab.at[1][n], slab.at[2][n]);
+            (pixels[0][lane], pixels[1][lane]) = (slab.col[n], slab.row[n]);
+            ahead_m[lane] = slab.ahead_m[n];
+            mm[lane] = self.depth_mm.get(slab.pixel[n] as usize).map_or(1, |mm| i32::from(*mm));
         }
-        let is_over = self.are_over_object(&batch.at, &found.normal, &sdf_m);
+        let (mut depth_m, mut sdf_m) = ([0.0_f32; LANES], ahead_m);
+        for (depth_m, mm) in depth_m.iter_mut().zip(&mm) {
+            *depth_m = *mm as f32 * 0.001;
+        }
+        let found = self.planes.at(&pixels, &depth_m);
+        for (sdf_m, cosine) in sdf_m.iter_mut().zip(&found.cosine) {
+            *sdf_m *= cosine;
+        }
+        let is_over = self.are_over_object(&at, &found.normal, &sdf_m);
         for (lane, position) in positions.iter().enumerate() {
             let position = *position as usize;
             let (slab, n) = (&mut slabs[position / N_SLAB], position % N_SLAB);
-            let (ahead_m, sdf_m) = (batch.ahead_m[lane], sdf_m[lane]);
+            let (ahead_m, sdf_m) = (ahead_m[lane], sdf_m[lane]);
             slab.verdict[n] = Verdict::Nothing;
             if sdf_m > self.truncation_m {
-                if self.clears() && ahead_m > self.voxel_m && block.weight[position] > 0.0 {
-                    doubted.push(position);
-                }
+                let may_lose = self.clears() && ahead_m > self.voxel_m && block.weight[position] > 0.0;
+                doubted.push_if(may_lose, position);
             } else if sdf_m >= -self.truncation_m && (ahead_m.abs() <= self.voxel_m || is_over[lane]) {
                 let is_trusted = self.trusted.at(slab.col[n] as usize, slab.row[n] as usize).is_some();
                 (slab.sdf_m[n], slab.verdict[n]) =
