@@ -22,7 +22,7 @@ const ELONGATION_MIN: f64 = 3.0;
 /// Where the unseen part of a thing is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hidden {
-    /// Straight behind what was seen, as deep as that is broad: a vase is not a cupboard.
+    /// Straight behind what was seen, from its front as deep as that is broad: a vase is not a cupboard.
     Behind,
     /// Beside it too, wherever nobody has looked yet: something nearer may hide a part of it. Too much for a region
     /// that the robot has to get past, and right for one in which it is only slower.
@@ -58,8 +58,12 @@ pub fn with_hidden(
             Hidden::Behind => breadth_m(&cells, away).min(DEPTH_M_MAX),
             Hidden::Around => DEPTH_M_MAX,
         };
-        for &cell in &cells {
-            mark_behind(&mut result, base, cell, away * depth_m);
+        // From the front: what is seen of a round or slanting thing is a part of its depth already.
+        let along = |cell: &Point2| cell.coords.dot(&away);
+        let front_m = cells.iter().map(along).fold(f64::INFINITY, f64::min);
+        for cell in &cells {
+            let seen_m = if hidden == Hidden::Behind { along(cell) - front_m } else { 0.0 };
+            mark_behind(&mut result, base, *cell, away * (depth_m - seen_m).max(0.0));
         }
     }
     if hidden == Hidden::Around {
