@@ -64,8 +64,12 @@ pub fn told(drafts: Vec<(Draft, &[Item])>) -> Option<Vec<Draft>> {
         let goes_on = after_story
             && (matches!(draft.join, Some(Join::And | Join::But | Join::Comma))
                 || !draft.is_fresh && matches!(draft.join, Some(Join::If | Join::Because | Join::Until)));
-        after_story =
-            is_background(items, goes_on, is_tied || before_if, before_if) && (goes_on || may_open(&draft));
+        // "only the rug is ok to drive on" lets off, and so is more than told.
+        let lets_off =
+            matches!(draft.lead.as_str(), "only" | "just") && draft.has_any(&[Sense::Fine, Sense::Allow]);
+        after_story = !lets_off
+            && is_background(items, goes_on, is_tied || before_if, before_if)
+            && (goes_on || may_open(&draft));
         sorted.push((draft, after_story));
     }
     // "water | and electronics do not mix"

@@ -111,6 +111,10 @@ fn allows(draft: &Draft) -> bool {
     if draft.has(Sense::Everywhere) && !draft.except.is_empty() {
         return false;
     }
+    // "you can go a little faster now" changes the limit; "… again" lifts it.
+    if draft.has(Sense::Faster) && !draft.has(Sense::Again) {
+        return false;
+    }
     let allowed = draft.has(Sense::Allow)
         || draft.has(Sense::Fine) && (draft.has(Sense::AllRules) || draft.all_names().next().is_some())
         || draft.has(Sense::Again) && draft.has_any(&[Sense::Motion, Sense::VerbOn]);

@@ -135,7 +135,8 @@ impl Context<'_> {
                     if change.is_revoke
                         && change.lifted.is_empty()
                         && !sum.added.is_empty()
-                        && (clause.draft.lead == "only" || clause.draft.words.starts_with("only")) =>
+                        && (matches!(clause.draft.lead.as_str(), "only" | "just")
+                            || ["only", "just"].iter().any(|word| clause.draft.words.starts_with(word))) =>
                 {
                     let question = format!("What do you mean by \"only {}\"?", clause.draft.words);
                     first_trouble.get_or_insert(Trouble::Ask(question));

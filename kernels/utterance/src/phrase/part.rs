@@ -172,6 +172,14 @@ pub(super) fn inside(items: &[Item], at: usize) -> bool {
     if item.text == "can" && before.is_some_and(|word| Nouns::get().has_can(&word.text)) {
         return true;
     }
+    // "the cellar steps", but "when the boy steps on the mat"
+    let stops = items.get(at + 1).is_none_or(|next| {
+        next.is_any(&[Sense::Copula, Sense::And, Sense::Or, Sense::IfWhen, Sense::Because, Sense::Until])
+            || next.sort == Sort::Mark
+    });
+    if item.text == "steps" && stops && before.is_some_and(|word| !Nouns::get().is_living(&word.text)) {
+        return true;
+    }
     // These are nouns whenever a word stands before them.
     if matches!(item.text.as_str(), "room" | "rooms" | "dock" | "exit" | "space" | "spaces") {
         return true;

@@ -4,7 +4,7 @@ use super::{Earlier, Join};
 use crate::background::is_past;
 use crate::item::{Item, Sort};
 use crate::lexicon::Sense;
-use crate::quantity::Kind;
+use crate::quantity::{Bound, Kind};
 
 /// Senses that begin a new order after a condition ("when you see a dog | slow down").
 const ORDERS: [Sense; 15] = [
@@ -249,5 +249,8 @@ fn begins_order(items: &[Item], at: usize) -> bool {
         told_to || item.is_any(&ORDERS) && !item.is_any(&[Sense::Pronoun, Sense::PrepNear]) && !is_particle;
     let negated = item.is(Sense::Neg)
         && before.is_some_and(|b| b.is_word() || b.is_any(&[Sense::PrepNear, Sense::Pronoun]));
-    motion || order || negated
+    // "when carrying samples never exceed 0.4 m/s": a cap is no part of the case.
+    let caps = matches!(&item.sort, Sort::Quantity(q) if matches!(q.kind, Kind::Speed | Kind::Fraction) && q.bound == Bound::Upper)
+        && before.is_some_and(Item::is_word);
+    motion || order || negated || caps
 }
