@@ -187,7 +187,12 @@ fn with_referents(clause: &Clause, active: &[Rule]) -> Result<Draft, Trouble> {
         && !draft.has_any(&[Sense::History, Sense::MinSpeed])
         && let Some(name) = clause.antecedents.last()
     {
-        draft.names.push(name.clone());
+        // "mom is ill in the bedroom, so don't go in": into where she is.
+        let enters = draft.has_any(&[Sense::VerbOn, Sense::StayOff])
+            || [" in", " inside"].iter().any(|end| draft.words.ends_with(end));
+        let spot = clause.spots.last().or(clause.places.last());
+        let place = spot.filter(|_| enters && Nouns::get().is_living(&name.obj));
+        draft.names.push(place.unwrap_or(name).clone());
     }
     Ok(draft)
 }
