@@ -8,11 +8,12 @@ use nalgebra::Vector2;
 
 use super::{RegionError, convex_hull};
 use crate::grid::{Cell, Grid};
+use crate::morphology::groups;
 use crate::occupancy::merge_into;
 use crate::raster::mark_polygon;
 
-/// Parts of a footprint that are nearer to each other than this are one thing, metres: a table seen from two sides.
-const SAME_M: f64 = 0.3;
+/// Parts of a footprint with no wider gap than this are one thing, metres: a table seen from two sides.
+const SAME_M: f64 = 0.25;
 
 /// One thing: the centres of its cells.
 type Thing = Vec<Point2>;
@@ -68,39 +69,14 @@ fn gap_m(one: &Thing, other: &Thing) -> f64 {
     one.iter().map(to_other).fold(f64::INFINITY, f64::min).sqrt()
 }
 
-/// The things of a footprint: occupied cells that are linked by steps of less than [`SAME_M`]. Of each only the
-/// cells on its edge, which hull and distance depend on alone.
+/// The things of a footprint. Of each only the cells on its edge, which hull and distance depend on alone.
 fn things(footprint: &Grid<bool>) -> Vec<Thing> {
-    const SIDES: [(isize, isize); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
-    let layout = *footprint.layout();
-    let is_set = |grid: &Grid<bool>, there: Option<Cell>| there.filter(|there| *grid.get(*there));
-    let reach = (SAME_M / layout.resolution_m).ceil() as isize;
-    let near: Vec<(isize, isize)> = (-reach..=reach)
-        .flat_map(|cols| (-reach..=reach).map(move |rows| (cols, rows)))
-        .filter(|&(cols, rows)| (cols as f64).hypot(rows as f64) * layout.resolution_m < SAME_M)
-        .collect();
-    let mut left = footprint.clone();
-    let mut things = Vec::new();
-    for seed in layout.cells() {
-        if !*left.get(seed) {
-            continue;
-        }
-        left.set(seed, false);
-        let (mut thing, mut open) = (Thing::new(), vec![seed]);
-        while let Some(cell) = open.pop() {
-            let is_edge =
-                SIDES.iter().any(|&step| is_set(footprint, layout.shape.beside(cell, step)).is_none());
-            if is_edge {
-                thing.push(layout.centre(cell));
-            }
-            for &step in if is_edge { &near[..] } else { &SIDES } {
-                if let Some(there) = is_set(&left, layout.shape.beside(cell, step)) {
-                    left.set(there, false);
-                    open.push(there);
-                }
-            }
-        }
-        things.push(thing);
-    }
-    things
+    let layout = footprint.layout();
+    let is_inner = |cell: &Cell| {
+        let sides = [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|step| layout.shape.beside(*cell, step));
+        sides.iter().all(|side| side.is_some_and(|side| *footprint.get(side)))
+    };
+    let edge =
+        |group: Vec<Cell>| group.iter().filter(|cell| !is_inner(cell)).map(|&c| layout.centre(c)).collect();
+    groups(footprint, SAME_M).into_iter().map(edge).collect()
 }
