@@ -8,15 +8,18 @@
 //! cells, exact up to the rounding of the final `f32`.
 
 use crate::field::{CONSERVATIVE_CELLS, DistanceField};
-use crate::grid::{Grid, Layout, Shape};
+use crate::grid::{Grid, Layout};
+use crate::isa::{Isa, Work};
 
 mod changing;
+mod columns;
 mod envelope;
 mod sweep;
 
 pub use changing::ChangingField;
+use columns::{Nearer, Step, distances_along};
 use envelope::Envelope;
-use sweep::Sweep;
+use sweep::{Side, Sweep};
 
 /// A column that holds no cell of the other kind. Sums with it saturate.
 const NONE: u16 = u16::MAX;
@@ -27,16 +30,9 @@ const NONE: u16 = u16::MAX;
 /// occupied.
 #[must_use]
 pub fn squared_distance_cells(occupied: &Grid<bool>) -> Grid<f32> {
-    let mut result = occupied.map(|_| 0.0_f32);
-    transform(occupied, |row, squared| {
-        let begin = row * occupied.layout().shape.n_cols;
-        let kinds = &occupied.values()[begin..begin + squared.len()];
-        let out = &mut result.values_mut()[begin..begin + squared.len()];
-        for ((out, &squared), &is_occupied) in out.iter_mut().zip(squared).zip(kinds) {
-            *out = if is_occupied { 0.0 } else { squared };
-        }
-    });
-    result
+    let mut values = Vec::with_capacity(occupied.values().len());
+    transform(occupied, Side::Free, |_, squared| values.extend_from_slice(squared));
+    occupied.with_values(values)
 }
 
 /// Signed distance to the squares of the occupied cells, metres, and outside them never above it.
@@ -51,17 +47,31 @@ pub fn squared_distance_cells(occupied: &Grid<bool>) -> Grid<f32> {
 #[must_use]
 pub fn signed_distance(occupied: &Grid<bool>) -> DistanceField {
     let layout = *occupied.layout();
-    let scale = Scale::new(&layout);
-    let mut values_m = vec![0.0_f32; layout.shape.n_cells()];
-    transform(occupied, |row, squared| {
-        let begin = row * layout.shape.n_cols;
-        let kinds = &occupied.values()[begin..begin + squared.len()];
-        let out = &mut values_m[begin..begin + squared.len()];
-        for ((out, &squared), &is_occupied) in out.iter_mut().zip(squared).zip(kinds) {
-            *out = scale.signed_m(squared, is_occupied);
-        }
+    let (scale, isa) = (Scale::new(&layout), Isa::detect());
+    let mut values_m = Vec::with_capacity(layout.shape.n_cells());
+    transform(occupied, Side::Both, |occupied, values| {
+        isa.run(Signed { scale, occupied, values });
+        values_m.extend_from_slice(values);
     });
     DistanceField::from_clamped(layout, values_m)
+}
+
+/// From squared distances, cells², to a conservative field's values, metres.
+struct Signed<'a> {
+    scale: Scale,
+    occupied: &'a [bool],
+    values: &'a mut [f32],
+}
+
+impl Work for Signed<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        for (value, is_occupied) in self.values.iter_mut().zip(self.occupied) {
+            *value = self.scale.signed_m(*value, *is_occupied);
+        }
+    }
 }
 
 /// What a field says where there is nothing to be near to, metres.
@@ -101,74 +111,72 @@ impl Scale {
     }
 }
 
-/// Calls `emit(row, squared)` for each row, with each cell's squared distance to the other kind, cells².
-fn transform(occupied: &Grid<bool>, mut emit: impl FnMut(usize, &[f32])) {
-    let shape = occupied.layout().shape;
-    let (n_cols, n_rows) = (shape.n_cols, shape.n_rows);
-    let kinds = occupied.values();
-    let downward = distances_from_below(kinds, n_cols, n_rows);
-    let (mut sweep, mut envelope) = (Sweep::new(n_cols), Envelope::new(n_cols));
-    // The sweep from above goes along with the rows' envelopes: each row is touched while it is in cache.
-    let mut from_above = vec![NONE; n_cols];
+/// Calls `emit(occupied, squared)` for each row from the first on, with each cell's squared distance to the other
+/// kind, cells².
+fn transform(occupied: &Grid<bool>, side: Side, mut emit: impl FnMut(&[bool], &mut [f32])) {
+    let n_cols = occupied.layout().shape.n_cols;
+    let isa = Isa::detect();
+    let rows = occupied.values().chunks_exact(n_cols);
+    let above = distances_along(isa, rows.clone().rev(), n_cols);
+    let mut solver = RowSolver::new(n_cols);
+    // The way from below goes along with the rows: each is touched while it is in cache.
     let mut nearest = vec![NONE; n_cols];
+    let mut below = vec![NONE; n_cols];
     let mut squared = vec![f32::INFINITY; n_cols];
-    for row in (0..n_rows).rev() {
-        let begin = row * n_cols;
-        let here = &kinds[begin..begin + n_cols];
-        if row + 1 < n_rows {
-            step(&mut from_above, here, &kinds[begin + n_cols..begin + 2 * n_cols]);
+    let mut before: Option<&[bool]> = None;
+    for (here, above) in rows.zip(above.chunks_exact(n_cols).rev()) {
+        if let Some(before) = before.replace(here) {
+            isa.run(Step { distances: &mut below, here, before });
         }
-        for ((nearest, &above), &below) in
-            nearest.iter_mut().zip(&from_above).zip(&downward[begin..begin + n_cols])
-        {
-            *nearest = above.min(below);
+        nearest.copy_from_slice(above);
+        isa.run(Nearer { distances: &mut nearest, others: &below });
+        solver.solve(here, &nearest, side, &mut squared);
+        emit(here, &mut squared);
+    }
+}
+
+/// Rows that go to the envelope at once after one that had to.
+const N_ROWS_FAR: u32 = 8;
+
+/// From distances in the columns to distances, row by row.
+struct RowSolver {
+    sweep: Sweep,
+    envelope: Envelope,
+    /// Rows that are still left to the envelope.
+    n_rows_far: u32,
+}
+
+impl RowSolver {
+    fn new(n_cols: usize) -> Self {
+        RowSolver { sweep: Sweep::new(n_cols), envelope: Envelope::new(n_cols), n_rows_far: 0 }
+    }
+
+    /// Writes the squared distances of a row.
+    fn solve(&mut self, occupied: &[bool], nearest: &[u16], side: Side, squared: &mut [f32]) {
+        let n_cols = occupied.len();
+        let is_far = self.n_rows_far > 0;
+        self.n_rows_far = self.n_rows_far.saturating_sub(1);
+        if !is_far {
+            self.sweep.load_around(0..n_cols, occupied, nearest);
         }
-        sweep.load(here, &nearest);
-        let mut first = 0;
-        for run in here.chunk_by(|a, b| a == b) {
-            let place = first..first + run.len();
-            if !sweep.solve_run(place.clone(), run.first() == Some(&true), &mut squared) {
-                envelope.solve_run(first, run.len(), &nearest, &mut squared);
+        let mut col = 0;
+        while let Some(kind) = occupied.get(col) {
+            if !is_far {
+                col = self.sweep.solve(col..n_cols, occupied, side, squared);
+                if col == n_cols {
+                    return;
+                }
+                self.n_rows_far = N_ROWS_FAR;
             }
-            first = place.end;
+            let is_same = |other: &&bool| *other == kind;
+            let first = col - occupied[..col].iter().rev().take_while(is_same).count();
+            col += occupied[col..].iter().take_while(is_same).count();
+            if *kind && side == Side::Free {
+                squared[first..col].fill(0.0);
+            } else {
+                self.envelope.solve_run(first, col - first, nearest, squared);
+            }
         }
-        emit(row, &squared);
-    }
-}
-
-/// For each cell, how many rows away the nearest cell of the other kind is in its column.
-fn transform_columns(occupied: &Grid<bool>) -> Vec<u16> {
-    let Shape { n_cols, n_rows } = occupied.layout().shape;
-    let kinds = occupied.values();
-    let mut distances = distances_from_below(kinds, n_cols, n_rows);
-    let mut from_above = vec![NONE; n_cols];
-    for row in (0..n_rows.saturating_sub(1)).rev() {
-        let begin = row * n_cols;
-        step(&mut from_above, &kinds[begin..begin + n_cols], &kinds[begin + n_cols..begin + 2 * n_cols]);
-        for (distance, above) in distances[begin..begin + n_cols].iter_mut().zip(&from_above) {
-            *distance = (*above).min(*distance);
-        }
-    }
-    distances
-}
-
-/// For each cell, how many rows below it the nearest cell of the other kind is in its column.
-fn distances_from_below(kinds: &[bool], n_cols: usize, n_rows: usize) -> Vec<u16> {
-    let mut distances = vec![NONE; kinds.len()];
-    for row in 1..n_rows {
-        let (done, open) = distances.split_at_mut(row * n_cols);
-        let (before, here) = kinds[(row - 1) * n_cols..].split_at(n_cols);
-        let open = &mut open[..n_cols];
-        open.copy_from_slice(&done[(row - 1) * n_cols..]);
-        step(open, &here[..n_cols], before);
-    }
-    distances
-}
-
-/// Carries columns' distances one row on: one more within a kind, one across a border.
-fn step(distances: &mut [u16], here: &[bool], before: &[bool]) {
-    for ((distance, here), before) in distances.iter_mut().zip(here).zip(before) {
-        *distance = if here == before { distance.saturating_add(1) } else { 1 };
     }
 }
 

@@ -196,6 +196,12 @@ impl<T> Grid<T> {
         Ok(Grid { layout, values })
     }
 
+    /// A grid of the same layout from its values in row-major order, one for each cell.
+    pub(crate) fn with_values<U>(&self, values: Vec<U>) -> Grid<U> {
+        debug_assert_eq!(values.len(), self.values.len());
+        Grid { layout: self.layout, values }
+    }
+
     /// Where the grid lies.
     #[must_use]
     pub fn layout(&self) -> &Layout {

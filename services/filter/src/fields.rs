@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use geometry::Point2;
-use mapping::{Cell, DistanceField, Grid, Layout, Shape, signed_distance};
+use mapping::{Cell, ChangingField, DistanceField, Grid, Layout, Shape};
 use proto::{BaseMap, CellSet, GridLayout, Grounding};
 
 /// What `BaseMap` calls a cell that was seen empty.
@@ -94,35 +94,71 @@ impl Zone {
     }
 }
 
-/// Computes a field. Linear in the number of cells: milliseconds for a house, a second for the largest map.
-#[must_use]
-pub fn compute(job: FieldJob) -> FieldReady {
-    let zone = match &job.cells {
-        FieldCells::Base(map) => base_zone(map).map(Some),
-        FieldCells::Set(set) => set_zone(set, job.room_m),
-    };
-    FieldReady { tag: job.tag, zone: zone.map_err(|e| e.to_string()) }
+/// Layers whose fields are kept; when there are more, all begin anew.
+const N_KEPT_MAX: usize = 64;
+
+/// Computes fields, and keeps each layer's: where little has changed, little is computed.
+#[derive(Debug, Default)]
+pub struct Fields {
+    kept: BTreeMap<LayerId, ChangingField>,
+}
+
+impl Fields {
+    /// Computes a field. Anew it is linear in the number of cells: milliseconds for a house, a second for the largest
+    /// map.
+    #[must_use]
+    pub fn compute(&mut self, job: FieldJob) -> FieldReady {
+        let region = match &job.cells {
+            FieldCells::Base(map) => base_region(map).map(Some),
+            FieldCells::Set(set) => set_region(set, job.room_m),
+        };
+        let zone = region.map(|region| region.map(|region| self.zone(&job.tag.layer, region)));
+        FieldReady { tag: job.tag, zone: zone.map_err(|e| e.to_string()) }
+    }
+
+    /// A region's zone, by what is kept of its layer.
+    fn zone(&mut self, layer: &LayerId, region: Region) -> Zone {
+        let Region { occupied, low, high, room_m, area_m2 } = region;
+        let field = if let Some(kept) = self.kept.get_mut(layer) {
+            kept.update(occupied);
+            kept.field().clone()
+        } else {
+            if self.kept.len() >= N_KEPT_MAX {
+                self.kept.clear();
+            }
+            self.kept.entry(layer.clone()).or_insert(ChangingField::new(occupied)).field().clone()
+        };
+        Zone { field: Arc::new(field), low, high, room_m, area_m2 }
+    }
+}
+
+/// Cells that are to become a zone.
+struct Region {
+    occupied: Grid<bool>,
+    low: Point2,
+    high: Point2,
+    room_m: f64,
+    area_m2: f64,
 }
 
 /// The obstacles of a base map, a ring of them around it.
-fn base_zone(map: &BaseMap) -> Result<Zone, mapping::GridError> {
+fn base_region(map: &BaseMap) -> Result<Region, mapping::GridError> {
     let GridLayout { origin_map, resolution_m, n_cols, n_rows } = map.layout;
     let (n_cols, n_rows) = (n_cols as usize, n_rows as usize);
     let origin = Point2::new(origin_map.x - resolution_m, origin_map.y - resolution_m);
     let layout = Layout::new(origin, resolution_m, Shape { n_cols: n_cols + 2, n_rows: n_rows + 2 })?;
-    let mut grid = Grid::filled(layout, true);
+    let mut occupied = Grid::filled(layout, true);
     for (row, cells) in map.cells.chunks_exact(n_cols).enumerate() {
         for (col, cell) in cells.iter().enumerate() {
-            grid.set(Cell { col: col + 1, row: row + 1 }, *cell != FREE);
+            occupied.set(Cell { col: col + 1, row: row + 1 }, *cell != FREE);
         }
     }
     let area_m2 = map.cells.iter().filter(|cell| **cell != FREE).count() as f64 * resolution_m * resolution_m;
-    let (low, high) = (layout.origin, layout.far_corner());
-    Ok(Zone { field: Arc::new(signed_distance(&grid)), low, high, room_m: f64::INFINITY, area_m2 })
+    Ok(Region { occupied, low: layout.origin, high: layout.far_corner(), room_m: f64::INFINITY, area_m2 })
 }
 
 /// A set of cells, cut out with `room_m` around it; `None` when it is empty.
-fn set_zone(set: &CellSet, room_m: f64) -> Result<Option<Zone>, mapping::GridError> {
+fn set_region(set: &CellSet, room_m: f64) -> Result<Option<Region>, mapping::GridError> {
     let GridLayout { origin_map, resolution_m, n_cols, .. } = set.layout;
     let n_cols = n_cols as usize;
     let cells: Vec<Cell> = set
@@ -149,12 +185,12 @@ fn set_zone(set: &CellSet, room_m: f64) -> Result<Option<Zone>, mapping::GridErr
         n_cols: last_col - first_col + 1 + 2 * n_room,
         n_rows: last_row - first_row + 1 + 2 * n_room,
     };
-    let mut grid = Grid::filled(Layout::new(origin, resolution_m, shape)?, false);
+    let mut occupied = Grid::filled(Layout::new(origin, resolution_m, shape)?, false);
     for cell in &cells {
-        grid.set(Cell { col: cell.col - first_col + n_room, row: cell.row - first_row + n_room }, true);
+        occupied.set(Cell { col: cell.col - first_col + n_room, row: cell.row - first_row + n_room }, true);
     }
     let area_m2 = cells.len() as f64 * resolution_m * resolution_m;
-    Ok(Some(Zone { field: Arc::new(signed_distance(&grid)), low, high, room_m, area_m2 }))
+    Ok(Some(Region { occupied, low, high, room_m, area_m2 }))
 }
 
 /// Which layers are being computed: one field in flight for each, the newest waits, the oldest gives way.
@@ -206,7 +242,8 @@ mod tests {
     }
 
     fn zone_of(set: CellSet) -> Option<Zone> {
-        compute(FieldJob { tag: tag(LayerId::Depth), cells: FieldCells::Set(set), room_m: 3.0 }).zone.unwrap()
+        let job = FieldJob { tag: tag(LayerId::Depth), cells: FieldCells::Set(set), room_m: 3.0 };
+        Fields::default().compute(job).zone.unwrap()
     }
 
     #[test]
@@ -226,13 +263,33 @@ mod tests {
     }
 
     #[test]
+    fn what_is_kept_of_a_layer_changes_nothing_but_the_time() {
+        let mut fields = Fields::default();
+        let part_of = |n: usize| set(move |x, y| (n == 1 || x < 0.3) && x.abs() < 0.5 && (n != 2 || y < 0.2));
+        for n in [0, 1, 0, 2, 3] {
+            for layer in [LayerId::Depth, LayerId::Rule(format!("r{n}"))] {
+                let job = FieldJob { tag: tag(layer), cells: FieldCells::Set(part_of(n)), room_m: 3.0 };
+                let (kept, anew) = (fields.compute(job.clone()), Fields::default().compute(job));
+                let values_m = |ready: FieldReady| ready.zone.unwrap().unwrap().field.values_m().to_vec();
+                assert_eq!(values_m(kept), values_m(anew));
+            }
+        }
+        for n in 0..2 * N_KEPT_MAX {
+            let layer = LayerId::Rule(format!("many {n}"));
+            let job = FieldJob { tag: tag(layer), cells: FieldCells::Set(part_of(0)), room_m: 3.0 };
+            assert!(fields.compute(job).zone.unwrap().is_some());
+            assert!(fields.kept.len() <= N_KEPT_MAX);
+        }
+    }
+
+    #[test]
     fn unknown_cells_and_all_past_the_border_are_obstacles_of_the_base_map() {
         let layout = GridLayout { origin_map: Point2::origin(), resolution_m: 0.1, n_cols: 30, n_rows: 30 };
         let mut cells = vec![1_u8; 900];
         cells[15 * 30 + 20] = 0;
         let map = BaseMap { header: Default::default(), map_epoch: 1, layout, cells };
         let job = FieldJob { tag: tag(LayerId::Base), cells: FieldCells::Base(map), room_m: 3.0 };
-        let zone = compute(job).zone.unwrap().unwrap();
+        let zone = Fields::default().compute(job).zone.unwrap().unwrap();
         let near_unknown_m = zone.field.sample(Point2::new(1.55, 1.55));
         assert!((0.4..=0.45).contains(&near_unknown_m), "{near_unknown_m}");
         assert!(zone.field.sample(Point2::new(0.05, 1.5)) <= 0.05);

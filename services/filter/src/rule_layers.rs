@@ -263,7 +263,7 @@ fn label_of(rule: &Rule) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fields::compute;
+    use crate::fields::Fields;
     use geometry::Point2;
     use proto::{CellSet, GridLayout, Header};
     use rules::Relation;
@@ -283,7 +283,7 @@ mod tests {
             remark: String::new(),
         };
         let job = layers.hear(Heard { message, at: Time::ZERO, wall_ns: 1 }, 3.0).unwrap();
-        layers.ready("s1", compute(job)).unwrap();
+        layers.ready("s1", Fields::default().compute(job)).unwrap();
         layers
     }
 

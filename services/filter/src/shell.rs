@@ -15,7 +15,7 @@ use tokio::time::MissedTickBehavior;
 
 use crate::config::FilterSettings;
 use crate::decider::{FilterDecider, Input, Note, Output};
-use crate::fields::{FieldJob, FieldReady, compute};
+use crate::fields::{FieldJob, FieldReady, Fields};
 use crate::heard::Heard;
 
 /// Most fields that wait: one in flight a layer, and there are no more layers than rules and two.
@@ -156,8 +156,9 @@ async fn reporter(life: &Life) -> anyhow::Result<mpsc::Sender<Report>> {
 fn field_worker(ready: Slot<Event>) -> mpsc::Sender<FieldJob> {
     let (sender, mut jobs) = mpsc::channel::<FieldJob>(N_FIELDS_MAX);
     tokio::task::spawn_blocking(move || {
+        let mut fields = Fields::default();
         while let Some(job) = jobs.blocking_recv() {
-            ready.push(Event::FieldReady(compute(job)));
+            ready.push(Event::FieldReady(fields.compute(job)));
         }
     });
     sender

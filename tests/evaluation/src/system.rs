@@ -17,6 +17,7 @@ use std::time::Duration;
 use anyhow::Context;
 use geometry::{Pose2, Time, Twist};
 use heedway_cli::recording::{Heard, Recorder};
+use heedway_filter::fields::Fields;
 use heedway_filter::{FilterDecider, Input as FilterInput};
 use heedway_language::decider::{Decider as LanguageDecider, Input as LanguageInput, Setup as LanguageSetup};
 use heedway_language::rulebook::Rulebook;
@@ -61,6 +62,7 @@ pub struct System {
     maps: ObjectMaps,
     models: ModelHost,
     filter: FilterDecider,
+    fields: Fields,
     navigator: NavigatorDecider,
     beats: Beats,
     queue: VecDeque<Message>,
@@ -137,6 +139,7 @@ impl System {
             models: ModelHost::new(role, &world.scene, errors, seed, Arc::clone(&kept)),
             kept,
             filter: FilterDecider::new(&setup.filter, profile)?,
+            fields: Fields::default(),
             navigator: NavigatorDecider::new(&setup.navigator, profile),
             beats: Beats {
                 language: Beat::new(10.0, after(0)),

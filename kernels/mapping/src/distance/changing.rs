@@ -5,22 +5,28 @@
 //! the other kind than to the change; distances cannot grow faster than the way, so these hang together around it.
 //! The cost goes with their number, not with the grid's.
 
-use super::sweep::Sweep;
-use super::{DistanceField, NONE, Scale, signed_distance, transform_columns};
+use super::columns::{Remeasure, rows_to_other_kind};
+use super::sweep::{Side, Sweep};
+use super::{DistanceField, NONE, Scale, Signed, signed_distance};
 use crate::grid::{Cell, Grid};
+use crate::isa::Isa;
 
 /// Cells by which a distance that was read back from a field may be off, and by which ways over cells are
 /// longer than straight ones.
 const SLACK_CELLS: f32 = 1.5;
 /// When more than one cell in so many is touched, the whole field is computed anew.
 const SHARE_ANEW: usize = 4;
+/// Cells that are searched one by one before the sweep is tried again.
+const N_FAR: usize = 32;
 
 /// Occupancy and its conservative signed distance, as [`signed_distance`] computes it.
 #[derive(Clone, Debug)]
 pub struct ChangingField {
     occupied: Grid<bool>,
+    isa: Isa,
     /// Rows to the nearest cell of the other kind in the column.
     rows: Vec<u16>,
+    columns: Remeasure,
     field: DistanceField,
     scale: Scale,
     sweep: Sweep,
@@ -50,10 +56,17 @@ impl ChangingField {
     /// The field of an occupancy. Costs as much as [`signed_distance`] and a half.
     #[must_use]
     pub fn new(occupied: Grid<bool>) -> Self {
-        let (rows, field) = (transform_columns(&occupied), signed_distance(&occupied));
-        let scale = Scale::new(occupied.layout());
         let n_cols = occupied.layout().shape.n_cols;
-        ChangingField { occupied, rows, field, scale, sweep: Sweep::new(n_cols), squared: vec![0.0; n_cols] }
+        ChangingField {
+            isa: Isa::detect(),
+            rows: rows_to_other_kind(&occupied),
+            columns: Remeasure::default(),
+            field: signed_distance(&occupied),
+            scale: Scale::new(occupied.layout()),
+            sweep: Sweep::new(n_cols),
+            squared: vec![0.0; n_cols],
+            occupied,
+        }
     }
 
     /// What is occupied.
@@ -66,6 +79,21 @@ impl ChangingField {
     #[must_use]
     pub fn field(&self) -> &DistanceField {
         &self.field
+    }
+
+    /// Takes over what all cells are now; on another layout it begins anew.
+    pub fn update(&mut self, occupied: Grid<bool>) {
+        if occupied.layout() != self.occupied.layout() {
+            *self = ChangingField::new(occupied);
+            return;
+        }
+        let n_cols = occupied.layout().shape.n_cols;
+        let rows = occupied.values().chunks(n_cols).zip(self.occupied.values().chunks(n_cols)).enumerate();
+        let changed: Vec<_> = rows
+            .filter(|(_, (now, before))| now != before)
+            .flat_map(|(row, (now, _))| now.iter().enumerate().map(move |(col, is)| (Cell { col, row }, *is)))
+            .collect();
+        self.change(changed);
     }
 
     /// Takes over what cells are now (`true` is occupied); those that are so already, and those outside, change
@@ -86,39 +114,10 @@ impl ChangingField {
             changed = Some((cols.holding(cell.col), rows.holding(cell.row)));
         }
         let Some((cols, rows)) = changed else { return 0 };
-        for col in cols.first..=cols.last {
-            self.measure_column(col, rows);
-        }
+        let measured = (self.occupied.values(), &mut self.rows[..]);
+        self.columns.run(self.isa, measured, shape.n_cols, cols.first..=cols.last, rows.first..=rows.last);
         self.measure_around(cols, rows);
         n_changed
-    }
-
-    /// Measures a column anew, from the beginning of the run before the change to the end of the run after it.
-    fn measure_column(&mut self, col: usize, changed: Span) {
-        let n_cols = self.occupied.layout().shape.n_cols;
-        let kinds = self.occupied.values();
-        let n_rows = kinds.len() / n_cols;
-        let kind = |row: usize| kinds[row * n_cols + col];
-        let (mut first, mut last) = (changed.first.saturating_sub(1), (changed.last + 1).min(n_rows - 1));
-        while first > 0 && kind(first - 1) == kind(first) {
-            first -= 1;
-        }
-        while last + 1 < n_rows && kind(last + 1) == kind(last) {
-            last += 1;
-        }
-        // Beyond either end lies the other kind, or nothing.
-        let step = |before: u16, is_same: bool| if is_same { before.saturating_add(1) } else { 1 };
-        let mut distance = if first > 0 { 0 } else { NONE };
-        for row in first..=last {
-            distance = step(distance, row == first || kind(row) == kind(row - 1));
-            self.rows[row * n_cols + col] = distance;
-        }
-        let mut distance = if last + 1 < n_rows { 0 } else { NONE };
-        for row in (first..=last).rev() {
-            distance = step(distance, row == last || kind(row) == kind(row + 1));
-            let kept = &mut self.rows[row * n_cols + col];
-            *kept = distance.min(*kept);
-        }
     }
 
     /// Measures the cells anew that may have been nearest to a changed one, or are now.
@@ -183,24 +182,25 @@ impl ChangingField {
         let begin = row * n_cols;
         let kinds = &self.occupied.values()[begin..begin + n_cols];
         let rows = &self.rows[begin..begin + n_cols];
-        self.sweep.load_around(span.first..span.last + 1, kinds, rows);
-        let mut first = span.first;
-        for part in kinds[span.first..=span.last].chunk_by(|a, b| a == b) {
-            let place = first..first + part.len();
-            let own = kinds[first];
-            let squared = &mut self.squared[..part.len()];
-            if !self.sweep.solve_part(place.clone(), own, squared) {
-                search(kinds, rows, place.clone(), squared);
+        let end = span.last + 1;
+        self.sweep.load_around(span.first..end, kinds, rows);
+        let mut col = span.first;
+        while col < end {
+            col = self.sweep.solve(col..end, kinds, Side::Both, &mut self.squared);
+            if col < end {
+                // Far from all: one by one, as many as stand together.
+                let place = col..(col + N_FAR).min(end);
+                search(kinds, rows, place.clone(), &mut self.squared[place.clone()]);
+                col = place.end;
             }
-            for (out, squared) in self.field.values_m_mut()[begin + first..].iter_mut().zip(&*squared) {
-                *out = self.scale.signed_m(*squared, own);
-            }
-            first = place.end;
         }
+        let values = &mut self.field.values_m_mut()[begin + span.first..begin + end];
+        values.copy_from_slice(&self.squared[span.first..end]);
+        self.isa.run(Signed { scale: self.scale, occupied: &kinds[span.first..end], values });
     }
 }
 
-/// The squared distances of equal cells of a row, one by one: the nearest of the other kind lies in some column, not
+/// The squared distances of cells of a row, one by one: the nearest of the other kind lies in some column, not
 /// past one that has it in this very row, nor past the best that was found.
 fn search(kinds: &[bool], rows: &[u16], place: std::ops::Range<usize>, out: &mut [f32]) {
     let squared = |distance: u16| if distance == NONE { i32::MAX } else { i32::from(distance).pow(2) };
@@ -244,8 +244,37 @@ mod tests {
         (low.1..low.1 + size.1).flat_map(move |row| (low.0..low.0 + size.0).map(move |col| Cell { col, row }))
     }
 
+    /// Few cells on a wide floor: farther from each other than a sweep reaches.
+    fn any_wide_floor() -> impl Strategy<Value = Grid<bool>> {
+        let cells = prop::collection::vec((0..1100_usize, 0..5_usize, 1..40_usize), 0..6);
+        (1..1100_usize, 1..5_usize, cells).prop_map(|(n_cols, n_rows, cells)| {
+            let mut grid = floor(n_cols, n_rows);
+            for (col, row, width) in cells {
+                let inside = (col..(col + width).min(n_cols)).map(|col| Cell { col, row });
+                inside.filter(|_| row < n_rows).for_each(|cell| grid.set(cell, true));
+            }
+            grid
+        })
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(300))]
+
+        #[test]
+        fn a_wide_floor_becomes_any_other(before in any_wide_floor(), now in any_wide_floor()) {
+            let mut changing = ChangingField::new(before);
+            // Cells of the other floor on this one's layout, then the other floor itself.
+            let shape = changing.occupied().layout().shape;
+            let (col, row) = (shape.n_cols / 2, shape.n_rows / 2);
+            let own = changing.occupied().layout().cells().map(|cell| cell.col > col && cell.row >= row).collect();
+            let mixed = Grid::from_values(*changing.occupied().layout(), own).unwrap();
+            for floor in [mixed, now] {
+                changing.update(floor.clone());
+                prop_assert_eq!(changing.occupied(), &floor);
+                let anew = signed_distance(&floor);
+                prop_assert_eq!(changing.field().values_m(), anew.values_m());
+            }
+        }
 
         #[test]
         fn after_any_changes_it_is_the_field_of_what_is_occupied_now(

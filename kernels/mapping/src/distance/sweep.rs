@@ -2,20 +2,20 @@
 //!
 //! In squares of 16 bits that saturate, so that one instruction compares many. A cell is solved when all columns
 //! were looked at that are nearer than its best. What is farther from all than 16 bits can square is left to the
-//! envelope, and for some rows so are long runs after one that was.
+//! envelope.
 
 use std::ops::Range;
 
 use crate::isa::{Isa, Work};
 
-/// Columns looked at to either side before a run is given up: their squares are below 2¹⁶.
+/// Columns looked at to either side before cells are given up: their squares are below 2¹⁶.
 const REACH: usize = 248;
 /// After so many columns it is asked whether they were enough.
 const STRIDE: usize = 8;
 /// Cells solved at a time.
 const N_CHUNK: usize = 32;
-/// Rows that go to the envelope at once after one that had to.
-const N_ROWS_OPEN: u32 = 8;
+/// Cells that can matter to those.
+const N_WINDOW: usize = N_CHUNK + 2 * REACH;
 
 /// Scratch space for the rows of a grid.
 #[derive(Clone, Debug)]
@@ -23,26 +23,21 @@ pub(super) struct Sweep {
     isa: Isa,
     /// Squared distances in the columns, of free and of occupied cells; the other kind has 0. With a border.
     lifts: [Vec<u16>; 2],
-    /// Rows for which long runs are still left to the envelope.
-    n_open: u32,
 }
 
 impl Sweep {
     pub(super) fn new(n_cols: usize) -> Self {
         let lifts = vec![u16::MAX; n_cols + 2 * REACH + N_CHUNK];
-        Sweep { isa: Isa::detect(), lifts: [lifts.clone(), lifts], n_open: 0 }
+        Sweep { isa: Isa::detect(), lifts: [lifts.clone(), lifts] }
     }
 
-    /// Takes in a row: which cells are occupied, and each one's distance to the other kind in its column.
-    pub(super) fn load(&mut self, occupied: &[bool], nearest: &[u16]) {
-        self.n_open = self.n_open.saturating_sub(1);
-        self.load_around(0..occupied.len(), occupied, nearest);
-    }
-
-    /// Takes in what cells in `span` of a row depend on.
+    /// Takes in what the cells in `span` of a row depend on: which cells of the row are occupied, and each one's
+    /// distance to the other kind in its column. Nothing that is farther than the farthest of these can matter.
     pub(super) fn load_around(&mut self, span: Range<usize>, occupied: &[bool], nearest: &[u16]) {
-        let first = span.start.saturating_sub(REACH);
-        let last = (span.end + REACH + N_CHUNK).min(occupied.len());
+        let farthest = nearest[span.clone()].iter().fold(0, |most: u16, rows| most.max(*rows));
+        let reach = usize::from(farthest).min(REACH);
+        let first = span.start.saturating_sub(reach);
+        let last = (span.end + reach).min(occupied.len());
         let [of_free, of_occupied] = &mut self.lifts;
         let kept = REACH + first..REACH + last;
         let (of_free, of_occupied) = (&mut of_free[kept.clone()], &mut of_occupied[kept]);
@@ -51,25 +46,34 @@ impl Sweep {
         self.isa.run(row);
     }
 
-    /// Writes the squared distances of equal cells in a row that was taken in around them; false when they are not
-    /// solved.
-    pub(super) fn solve_part(&self, part: Range<usize>, is_occupied: bool, squared: &mut [f32]) -> bool {
-        let lifts = &self.lifts[usize::from(is_occupied)][part.start..];
-        self.isa.run(Run { lifts, squared })
+    /// Writes the squared distances of the cells of a row in `span`, whose surroundings were taken in; returns the
+    /// first column that is too far from all to be solved, or the span's end.
+    pub(super) fn solve(
+        &self,
+        span: Range<usize>,
+        occupied: &[bool],
+        side: Side,
+        squared: &mut [f32],
+    ) -> usize {
+        let [of_free, of_occupied] = &self.lifts;
+        let cells = Cells {
+            of_free: &of_free[span.start..],
+            of_occupied: &of_occupied[span.start..],
+            occupied: &occupied[span.clone()],
+            side,
+            squared: &mut squared[span.clone()],
+        };
+        span.start + self.isa.run(cells)
     }
+}
 
-    /// Writes the squared distances of a run of equal cells; false when it is not solved.
-    pub(super) fn solve_run(&mut self, run: Range<usize>, is_occupied: bool, squared: &mut [f32]) -> bool {
-        let is_long = run.len() > N_CHUNK;
-        if is_long && self.n_open > 0 {
-            return false;
-        }
-        let is_solved = self.solve_part(run.clone(), is_occupied, &mut squared[run]);
-        if !is_solved {
-            self.n_open = N_ROWS_OPEN;
-        }
-        is_solved
-    }
+/// Whose distances are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    /// Those of free cells; the others' are 0.
+    Free,
+    /// Each cell's to the other kind.
+    Both,
 }
 
 /// A row's distances in the columns, to be squared.
@@ -95,51 +99,75 @@ impl Work for Row<'_> {
     }
 }
 
-/// One run: the lifts from `REACH` cells before it on, and where its distances go.
-struct Run<'a> {
-    lifts: &'a [u16],
+/// Cells of a row: the lifts from `REACH` cells before them on, and where their distances go.
+struct Cells<'a> {
+    of_free: &'a [u16],
+    of_occupied: &'a [u16],
+    occupied: &'a [bool],
+    side: Side,
     squared: &'a mut [f32],
 }
 
-impl Work for Run<'_> {
-    type Output = bool;
+impl Work for Cells<'_> {
+    type Output = usize;
 
     #[inline(always)]
-    fn run<const FUSED: bool>(self) -> bool {
-        for (nth, squared) in self.squared.chunks_mut(N_CHUNK).enumerate() {
-            let Some(best) = solve_chunk(&self.lifts[nth * N_CHUNK..], squared.len()) else { return false };
-            for (squared, best) in squared.iter_mut().zip(best) {
-                *squared = f32::from(best);
+    fn run<const FUSED: bool>(self) -> usize {
+        let mut n_done = 0;
+        for (squared, occupied) in self.squared.chunks_mut(N_CHUNK).zip(self.occupied.chunks(N_CHUNK)) {
+            let n_occupied = occupied.iter().map(|occupied| u8::from(*occupied)).sum::<u8>();
+            let mut best = [0; N_CHUNK];
+            // A cell is at 0 from its own kind: of both distances the larger is the one across the border.
+            if usize::from(n_occupied) < occupied.len() {
+                let Some(of_free) = solve_chunk(&self.of_free[n_done..], squared.len()) else { break };
+                best = of_free;
             }
+            if n_occupied > 0 && self.side == Side::Both {
+                let Some(of_occupied) = solve_chunk(&self.of_occupied[n_done..], squared.len()) else {
+                    break;
+                };
+                best.iter_mut().zip(of_occupied).for_each(|(best, other)| *best = other.max(*best));
+            }
+            if let Some(squared) = squared.first_chunk_mut::<N_CHUNK>() {
+                squared.iter_mut().zip(best).for_each(|(squared, best)| *squared = f32::from(best));
+            } else {
+                squared.iter_mut().zip(best).for_each(|(squared, best)| *squared = f32::from(best));
+            }
+            n_done += squared.len();
         }
-        true
+        n_done
     }
 }
 
 /// Squares of `N_CHUNK` cells, of which the first `n` count; `None` when they are not all solved.
 #[inline(always)]
 fn solve_chunk(lifts: &[u16], n: usize) -> Option<[u16; N_CHUNK]> {
-    let window = |first: usize| lifts.get(first..first + N_CHUNK)?.first_chunk::<N_CHUNK>();
+    let lifts = lifts.first_chunk::<N_WINDOW>()?;
     let mut counts = [0_u16; N_CHUNK];
     counts.iter_mut().take(n).for_each(|counts| *counts = u16::MAX);
-    let mut best = *window(REACH)?;
-    let mut off = 1;
-    loop {
-        let farthest = best.iter().zip(&counts).fold(0, |most: u16, (best, counts)| most.max(best & counts));
-        if off * off >= usize::from(farthest) {
+    let mut best = *lifts[REACH..].first_chunk::<N_CHUNK>()?;
+    for nth in 0..=REACH / STRIDE {
+        let done = nth * STRIDE;
+        // No column that is farther than those looked at is nearer than this.
+        let across = ((done + 1) * (done + 1)) as u16;
+        let is_open =
+            best.iter().zip(&counts).fold(false, |any, (best, counts)| any | (best & counts > across));
+        if !is_open {
             return Some(best);
         }
-        if off >= REACH {
-            return None;
-        }
-        for off in off..off + STRIDE {
-            let across = (off * off) as u16;
-            let (before, after) = (window(REACH - off)?, window(REACH + off)?);
-            for nth in 0..N_CHUNK {
-                let nearer = before[nth].min(after[nth]).saturating_add(across);
-                best[nth] = best[nth].min(nearer);
+        if nth < REACH / STRIDE {
+            let before = lifts[REACH - done - STRIDE..].first_chunk::<{ N_CHUNK + STRIDE }>()?;
+            let after = lifts[REACH + done + 1..].first_chunk::<{ N_CHUNK + STRIDE - 1 }>()?;
+            for cell in 0..N_CHUNK {
+                let mut least = best[cell];
+                for off in 0..STRIDE {
+                    let across = ((done + off + 1) * (done + off + 1)) as u16;
+                    let nearer = before[cell + STRIDE - 1 - off].min(after[cell + off]);
+                    least = least.min(nearer.saturating_add(across));
+                }
+                best[cell] = least;
             }
         }
-        off += STRIDE;
     }
+    None
 }

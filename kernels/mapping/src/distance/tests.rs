@@ -51,6 +51,25 @@ proptest! {
     }
 
     #[test]
+    fn it_agrees_with_brute_force_on_wide_floors(
+        (n_cols, n_rows) in (1..1300_usize, 1..5_usize),
+        sites in prop::collection::vec((0..1300_usize, 0..5_usize), 0..5),
+    ) {
+        let layout = Layout::new(Point2::origin(), 0.1, Shape { n_cols, n_rows }).unwrap();
+        let is_site = |cell: crate::grid::Cell| sites.contains(&(cell.col, cell.row));
+        let grid = Grid::from_values(layout, layout.cells().map(is_site).collect()).unwrap();
+        let found = squared_distance_cells(&grid);
+        prop_assert_eq!(found.values(), &squared_distance_by_search(&grid)[..]);
+        // And to the free cells, where all is the other way round.
+        let inverse = grid.map(|occupied| !occupied);
+        let depth = signed_distance(&inverse);
+        for (value_m, squared) in depth.values_m().iter().zip(found.values()) {
+            let wanted_m = 0.05 - 0.1 * squared.sqrt() - 0.036;
+            prop_assert!(*squared == 0.0 || (value_m - wanted_m.max(-1000.0)).abs() < 1e-4, "{value_m} {wanted_m}");
+        }
+    }
+
+    #[test]
     fn the_field_is_never_above_the_true_distance(
         grid in any_grid(0.1), x in -0.2..1.2_f64, y in -0.2..1.2_f64,
     ) {

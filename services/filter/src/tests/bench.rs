@@ -11,7 +11,7 @@ use proto::{
 };
 use rules::Rule;
 
-use crate::fields::{FieldJob, compute};
+use crate::fields::{FieldJob, Fields};
 use crate::{FilterDecider, FilterSettings, Heard, Input, Note, Output};
 
 /// Wall clock at the start of the bench.
@@ -50,6 +50,7 @@ pub struct Bench {
     /// Jobs that are kept back, to come late.
     pub keep_fields_back: bool,
     pub kept_back: Vec<FieldJob>,
+    pub fields: Fields,
     /// Whether semantics says that it cannot look.
     pub blind: bool,
     silent: BTreeMap<Feed, ()>,
@@ -85,6 +86,7 @@ impl Bench {
             rejected: Vec::new(),
             keep_fields_back: false,
             kept_back: Vec::new(),
+            fields: Fields::default(),
             blind: false,
             silent: BTreeMap::new(),
             last_ms: BTreeMap::new(),
@@ -167,7 +169,9 @@ impl Bench {
                     Output::Status(status) => self.status = Some(*status),
                     Output::Held(held) => self.held.push(held),
                     Output::ComputeField(job) if self.keep_fields_back => self.kept_back.push(job),
-                    Output::ComputeField(job) => waiting.push_back(Input::FieldReady(compute(job))),
+                    Output::ComputeField(job) => {
+                        waiting.push_back(Input::FieldReady(self.fields.compute(job)));
+                    }
                     Output::Rejected { key, reason } => self.rejected.push((key, reason)),
                     Output::Note(note) => self.notes.push(note),
                 }

@@ -8,7 +8,7 @@ use control::astar::shortest_path;
 use control::costmap::Costmap;
 use geometry::{Point2, Pose2, Profile};
 use mapping::base_map::{BaseMapConfig, BaseMapper, Scan};
-use mapping::{Occupancy, signed_distance, squared_distance_cells};
+use mapping::{Cell, ChangingField, Occupancy, signed_distance, squared_distance_cells};
 use serde::Serialize;
 use service::Clock;
 
@@ -19,6 +19,8 @@ use super::worlds;
 const N_TIMES: usize = 15;
 /// Sides of the floors that are transformed, cells.
 const EDT_SIDES: [usize; 3] = [200, 400, 2000];
+/// Side of an object of a metre, cells.
+const OBJECT_CELLS: usize = 20;
 /// Beams of a scan.
 const N_BEAMS: usize = 360;
 /// The maze: cells a side, width of its corridors, and how many different ones.
@@ -48,7 +50,8 @@ struct Row {
     times: usize,
 }
 
-/// The distance transform: squared distances, and the signed field that the filter asks.
+/// The distance transform: squared distances, the signed field that the filter asks, and how that is kept up when an
+/// object of a metre comes or goes.
 ///
 /// # Errors
 /// Never at present: the floors are right.
@@ -62,8 +65,19 @@ pub fn edt(arguments: &Arguments) -> anyhow::Result<ExitCode> {
             squared.time(&clock, || std::hint::black_box(squared_distance_cells(&floor)));
             signed.time(&clock, || std::hint::black_box(signed_distance(&floor)));
         }
+        let (mut changing, mut updates) = (ChangingField::new(floor), Times::default());
+        let mut places = worlds::Draws::new(arguments.seed);
+        for _ in 0..10 * N_TIMES {
+            let (col, row) = (places.below(n - OBJECT_CELLS), places.below(n - OBJECT_CELLS));
+            let cells = (0..OBJECT_CELLS * OBJECT_CELLS)
+                .map(|nth| Cell { col: col + nth % OBJECT_CELLS, row: row + nth / OBJECT_CELLS });
+            let before: Vec<_> = cells.clone().map(|cell| (cell, *changing.occupied().get(cell))).collect();
+            updates.time(&clock, || changing.change(cells.map(|cell| (cell, true))));
+            updates.time(&clock, || changing.change(before));
+        }
         tell(arguments.json, "edt", n, share, &squared)?;
         tell(arguments.json, "edt_signed", n, share, &signed)?;
+        tell(arguments.json, "edt_update", n, share, &updates)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -257,7 +257,7 @@ impl System {
                 }
                 FilterOutput::Held(m) => self.queue.push_back(Message::RulesHeld(m)),
                 FilterOutput::ComputeField(job) => {
-                    let ready = FilterInput::FieldReady(heedway_filter::fields::compute(job));
+                    let ready = FilterInput::FieldReady(self.fields.compute(job));
                     self.put_later(FIELD_TIME, Message::ToFilter(Box::new(ready)));
                 }
                 FilterOutput::Rejected { key, reason } => self.refuse(key, reason.to_string()),
