@@ -1,17 +1,17 @@
-//! The shortest path over a costmap: A* on eight neighbours, in arrays.
+//! The shortest path over a costmap: A* on eight neighbours, in arrays, a row of neighbours at a time.
 //!
 //! A start within an inflated area may leave it, over cells with nothing in them, at a high cost; nothing
 //! else may enter one. Diagonals do not cut corners. What is open waits in buckets of nearly equal cost, which need no
 //! order within (Dial, CACM 12, 1969): a cell that a cheaper way reaches later is looked at again. Deliberately not
 //! here: following the path (`tracker`).
 
+use std::f32::consts::SQRT_2;
+
 use geometry::Point2;
 use mapping::Cell;
+use wide::f32x4;
 
-use crate::costmap::{Blocked, Costmap};
-
-/// Cost of a metre through an inflated area: the nearest way out wins.
-const LEAVING_COST: f32 = 50.0;
+use crate::costmap::{Blocked, Costmap, Weights};
 
 /// Why there is no path.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -55,139 +55,182 @@ pub fn shortest_path(map: &Costmap, start: Point2, goal: Point2) -> Result<Vec<P
     let off_start = NoPath::Start { x_m: start.x, y_m: start.y };
     let start_cell = layout.cell_at(start).ok_or(off_start.clone())?;
     let goal_cell = layout.cell_at(goal).ok_or(NoPath::GoalOffMap { x_m: goal.x, y_m: goal.y })?;
-    let (start_idx, goal_idx) = (layout.index(start_cell), layout.index(goal_cell));
-    if map.is_solid(start_idx) {
+    if map.is_solid(start_cell) {
         return Err(off_start);
     }
-    match map.blocked(goal_idx) {
+    match map.blocked(layout.index(goal_cell)) {
         Blocked::Free => {}
         Blocked::Obstacle => return Err(NoPath::GoalAtObstacle),
         Blocked::Zone(zone_idx) => return Err(NoPath::GoalInZone { zone_idx }),
     }
-    let mut field = Field::new(map, goal_cell);
-    field.search(start_cell).ok_or(NoPath::Closed)?;
+    let mut search = Search::new(map.weights());
+    let [from, to] = [start_cell, goal_cell].map(|cell| search.position(cell));
+    search.run(from, to);
     let mut path = vec![goal];
-    let mut cell = field.before(goal_cell);
-    while cell != start_cell && goal_cell != start_cell {
-        path.push(layout.centre(cell));
-        cell = field.before(cell);
+    let mut here = to;
+    while here != from {
+        here = search.before(here).ok_or(NoPath::Closed)?;
+        if here != from {
+            path.push(layout.centre(search.cell(here)));
+        }
     }
     path.push(start);
     path.reverse();
     Ok(path)
 }
 
-/// The eight steps, as columns and rows: straight ones first, each diagonal after the two that it lies between.
-const STEPS: [(isize, isize); 8] = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)];
-/// Of each diagonal, the two straight steps beside it.
-const BESIDE: [[usize; 2]; 4] = [[0, 2], [0, 3], [1, 2], [1, 3]];
-/// No way leads to a cell yet.
-const NO_STEP: u8 = u8::MAX;
+/// The eight steps, as columns and rows, by row and column.
+const STEPS: [(i32, i32); 8] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+/// Their lengths, cells.
+const LENGTHS: [f32; 8] = [SQRT_2, 1.0, SQRT_2, 1.0, 1.0, SQRT_2, 1.0, SQRT_2];
+/// By which of the eight cells around may be stepped on, as bits: which steps do not cut a corner of the others.
+static CLEAR_OF_CORNERS: [u8; 256] = clear_of_corners();
 
-/// What a search knows of each cell. With a border of solid cells around the map, so that every cell has eight
-/// neighbours.
-struct Field {
-    /// Cells of a row, the border's with it.
-    stride: usize,
-    /// Cost of a cell's length in each: below 0 in inflated areas, which are only ever left; infinite where solid.
-    weights: Vec<f32>,
-    /// Cost of the cheapest way known, cells.
-    costs: Vec<f32>,
-    /// The last step of it.
-    steps: Vec<u8>,
-    goal: usize,
+const fn clear_of_corners() -> [u8; 256] {
+    let mut table = [0; 256];
+    let mut open = 0;
+    while open < table.len() {
+        let (below, left, right, above) = (open >> 1 & 1, open >> 3 & 1, open >> 4 & 1, open >> 6 & 1);
+        let diagonals = (below & left) | (below & right) << 2 | (above & left) << 5 | (above & right) << 7;
+        table[open] = (open & (0b0101_1010 | diagonals)) as u8;
+        open += 1;
+    }
+    table
 }
 
-impl Field {
-    fn new(map: &Costmap, goal: Cell) -> Self {
-        let shape = map.layout().shape;
-        let stride = shape.n_cols + 2;
-        let n_cells = stride * (shape.n_rows + 2);
-        let mut weights = vec![f32::INFINITY; n_cells];
-        for row in 0..shape.n_rows {
-            let (first, begin) = (row * shape.n_cols, (row + 1) * stride + 1);
-            for (idx, weight) in (first..).zip(&mut weights[begin..begin + shape.n_cols]) {
-                *weight = match map.blocked(idx) {
-                    _ if map.is_solid(idx) => f32::INFINITY,
-                    Blocked::Free => 1.0 + map.extra_cost(idx),
-                    Blocked::Obstacle | Blocked::Zone(_) => -(1.0 + LEAVING_COST),
-                };
-            }
-        }
-        let (costs, steps) = (vec![f32::INFINITY; n_cells], vec![NO_STEP; n_cells]);
-        let goal = (goal.row + 1) * stride + goal.col + 1;
-        Field { stride, weights, costs, steps, goal }
+/// What a search knows of each cell. It looks at the cells around one row by row, each row at once.
+struct Search<'a> {
+    weights: &'a Weights,
+    /// Cost of the cheapest way known, cells; below zero once the ways on from there are known.
+    costs: Vec<f32>,
+    /// From a cell to the eight around it.
+    ways: [isize; 8],
+}
+
+impl<'a> Search<'a> {
+    fn new(weights: &'a Weights) -> Self {
+        let stride = weights.stride as isize;
+        let ways = STEPS.map(|(dx, dy)| dy as isize * stride + dx as isize);
+        Search { weights, costs: vec![f32::INFINITY; weights.values.len()], ways }
     }
 
     fn position(&self, cell: Cell) -> usize {
-        (cell.row + 1) * self.stride + cell.col + 1
+        (cell.row + 1) * self.weights.stride + cell.col + 1
     }
 
-    /// The cell before one on the cheapest way to it; itself at the beginning.
-    fn before(&self, cell: Cell) -> Cell {
-        match STEPS.get(usize::from(self.steps[self.position(cell)])) {
-            Some((dx, dy)) => {
-                Cell { col: cell.col.wrapping_add_signed(-dx), row: cell.row.wrapping_add_signed(-dy) }
-            }
-            None => cell,
-        }
+    fn cell(&self, position: usize) -> Cell {
+        Cell { col: position % self.weights.stride - 1, row: position / self.weights.stride - 1 }
     }
 
-    /// Finds the cheapest way to the goal; `None` when there is none.
-    fn search(&mut self, start: Cell) -> Option<()> {
-        let stride = self.stride as u32;
-        let ways = STEPS.map(|(dx, dy)| dy * self.stride as isize + dx);
-        let goal = [(self.goal % self.stride) as f32, (self.goal / self.stride) as f32];
+    /// Finds the cheapest way to the goal, if there is one.
+    fn run(&mut self, start: usize, goal: usize) {
+        let stride = self.weights.stride;
+        let place =
+            |position: usize| Place { col: (position % stride) as u16, row: (position / stride) as u16 };
+        let goal_place = place(goal);
         let mut open = Buckets::new();
-        let start = self.position(start);
         self.costs[start] = 0.0;
-        open.push(0.0, Open { position: start as u32, cost: 0.0 });
-        while let Some(Open { position, cost }) = open.pop(self.costs[self.goal]) {
-            let here = position as usize;
-            if cost > self.costs[here] {
+        open.push(0.0, place(start));
+        while let Some(place) = open.pop(self.costs[goal].abs()) {
+            let here = usize::from(place.row) * stride + usize::from(place.col);
+            let cost = self.costs[here];
+            if cost.is_sign_negative() {
                 continue;
             }
-            let is_free = self.weights[here] > 0.0;
-            let (mut around, mut is_way) = ([0.0_f32; 8], [false; 8]);
-            for ((weight, is_way), way) in around.iter_mut().zip(&mut is_way).zip(ways) {
-                *weight = self.weights[here.wrapping_add_signed(way)];
-                // Out of an inflated area, never into one.
-                *is_way = (weight.abs() < f32::INFINITY) & (!is_free | (*weight > 0.0));
-            }
-            let (col, row) = (position % stride, position / stride);
-            for (nth, way) in ways.into_iter().enumerate() {
-                let is_diagonal = nth >= 4;
-                let length = if is_diagonal { std::f32::consts::SQRT_2 } else { 1.0 };
-                let next = here.wrapping_add_signed(way);
-                let cost = cost + length * around[nth].abs();
-                // Most are reached as cheaply already.
-                if cost >= self.costs[next] || !is_way[nth] {
-                    continue;
-                }
-                if !is_diagonal || BESIDE[nth - 4].into_iter().all(|beside| is_way[beside]) {
-                    self.costs[next] = cost;
-                    self.steps[next] = nth as u8;
-                    let (dx, dy) = STEPS[nth];
-                    let off_col = ((col as i32 + dx as i32) as f32 - goal[0]).abs();
-                    let off_row = ((row as i32 + dy as i32) as f32 - goal[1]).abs();
-                    open.push(cost + octile(off_col, off_row), Open { position: next as u32, cost });
-                }
+            self.costs[here] = -cost;
+            let mut found = self.look_around(here, cost);
+            while found.steps != 0 {
+                let step = found.steps.trailing_zeros() as usize;
+                found.steps &= found.steps - 1;
+                let (cost, next) = (found.costs[step], place.after(STEPS[step]));
+                self.costs[here.wrapping_add_signed(self.ways[step])] = cost;
+                open.push(cost + next.octile(goal_place), next);
             }
         }
-        self.costs[self.goal].is_finite().then_some(())
+    }
+
+    /// Which steps lead cheaper to a cell around than what is known, and at what cost.
+    #[inline(always)]
+    fn look_around(&self, here: usize, cost: f32) -> Around {
+        const AT_SIDES: f32x4 = f32x4::new([SQRT_2, 1.0, SQRT_2, 0.0]);
+        const BESIDE: f32x4 = f32x4::new([1.0, 0.0, 1.0, 0.0]);
+        let row = |first: usize, lengths: f32x4| {
+            let costs = f32x4::splat(cost) + lengths * four(&self.weights.values, first).abs();
+            (costs.simd_lt(four(&self.costs, first).abs()).to_bitmask(), costs.to_array())
+        };
+        let stride = self.weights.stride;
+        let (below, [c0, c1, c2, _]) = row(here - stride - 1, AT_SIDES);
+        let (beside, [c3, _, c4, _]) = row(here - 1, BESIDE);
+        let (above, [c5, c6, c7, _]) = row(here + stride - 1, AT_SIDES);
+        let steps = bits([below, beside, above]) & self.allowed(here);
+        Around { steps, costs: [c0, c1, c2, c3, c4, c5, c6, c7] }
+    }
+
+    /// Which steps are allowed: out of an inflated area, never into one, and around corners.
+    #[inline(always)]
+    fn allowed(&self, here: usize) -> u8 {
+        let stride = self.weights.stride;
+        let is_free = self.weights.values[here] > 0.0;
+        let rows = [here - stride - 1, here - 1, here + stride - 1].map(|first| {
+            let weights = four(&self.weights.values, first);
+            let there = if is_free { weights } else { weights.abs() };
+            (there.simd_gt(f32x4::ZERO) & there.simd_lt(f32x4::splat(f32::INFINITY))).to_bitmask()
+        });
+        CLEAR_OF_CORNERS[usize::from(bits(rows))]
+    }
+
+    /// The cell before one on the cheapest way to it; `None` when no way leads there.
+    fn before(&self, here: usize) -> Option<usize> {
+        let (cost, weight) = (self.costs[here].abs(), self.weights.values[here].abs());
+        let steps = self.ways.iter().zip(LENGTHS).enumerate();
+        let mut befores = steps.map(|(step, (way, length))| (step, length, here.wrapping_add_signed(-way)));
+        let is_before = |step: usize, length: f32, from: usize| {
+            self.costs[from].abs() + length * weight <= cost && self.allowed(from) >> step & 1 == 1
+        };
+        let (.., from) =
+            befores.find(|(step, length, from)| cost.is_finite() && is_before(*step, *length, *from))?;
+        Some(from)
     }
 }
 
-/// Length of the shortest way over eight neighbours to a cell so many columns and rows off, cells.
-fn octile(off_col: f32, off_row: f32) -> f32 {
-    off_col.max(off_row) + (std::f32::consts::SQRT_2 - 1.0) * off_col.min(off_row)
+/// Four values in a row; past the end nothing is cheap.
+#[inline(always)]
+fn four(values: &[f32], first: usize) -> f32x4 {
+    f32x4::new(values[first..].first_chunk::<4>().copied().unwrap_or([f32::INFINITY; 4]))
 }
 
-/// A cell to be looked at, and what the way to it cost.
+/// Bits of the cells around one, by those of the three rows.
+#[inline(always)]
+fn bits([below, beside, above]: [u32; 3]) -> u8 {
+    ((below & 7) | (beside & 1) << 3 | (beside & 4) << 2 | (above & 7) << 5) as u8
+}
+
+/// Steps that are worth it, as bits, and what each would cost.
+struct Around {
+    steps: u8,
+    costs: [f32; 8],
+}
+
+/// A cell to be looked at, on the map with its border.
 #[derive(Clone, Copy)]
-struct Open {
-    position: u32,
-    cost: f32,
+struct Place {
+    col: u16,
+    row: u16,
+}
+
+impl Place {
+    #[inline(always)]
+    fn after(self, (dx, dy): (i32, i32)) -> Place {
+        Place { col: self.col.wrapping_add_signed(dx as i16), row: self.row.wrapping_add_signed(dy as i16) }
+    }
+
+    /// Length of the shortest way over eight neighbours, cells.
+    #[inline(always)]
+    fn octile(self, other: Place) -> f32 {
+        let off_col = f32::from(self.col.abs_diff(other.col));
+        let off_row = f32::from(self.row.abs_diff(other.row));
+        off_col.max(off_row) + (SQRT_2 - 1.0) * off_col.min(off_row)
+    }
 }
 
 /// Buckets for each cell's length.
@@ -200,7 +243,7 @@ struct Buckets {
     /// Of each bucket, the place of its last entry.
     last: Vec<u32>,
     /// Every entry there ever was, and the place of the one before it in its bucket.
-    entries: Vec<(Open, u32)>,
+    entries: Vec<(Place, u32)>,
     /// The present bucket, counted from cost 0.
     at: usize,
     n_open: usize,
@@ -214,22 +257,25 @@ impl Buckets {
         Buckets { last: vec![NO_ENTRY; N_BUCKETS], entries: Vec::with_capacity(4096), at: 0, n_open: 0 }
     }
 
-    fn push(&mut self, whole_cost: f32, open: Open) {
+    #[inline(always)]
+    fn push(&mut self, whole_cost: f32, place: Place) {
         // Too early is only looked at too early.
-        let bucket = ((whole_cost * BUCKETS_PER_CELL) as usize).clamp(self.at, self.at + N_BUCKETS - 1);
+        let bucket =
+            ((whole_cost * BUCKETS_PER_CELL) as i32 as usize).clamp(self.at, self.at + N_BUCKETS - 1);
         let last = &mut self.last[bucket % N_BUCKETS];
-        self.entries.push((open, std::mem::replace(last, self.entries.len() as u32)));
+        self.entries.push((place, std::mem::replace(last, self.entries.len() as u32)));
         self.n_open += 1;
     }
 
     /// One of the cheapest; `None` when no way over any could be cheaper than `enough`.
-    fn pop(&mut self, enough: f32) -> Option<Open> {
-        while self.n_open > 0 && self.at as f32 / BUCKETS_PER_CELL < enough {
+    #[inline(always)]
+    fn pop(&mut self, enough: f32) -> Option<Place> {
+        while self.n_open > 0 && (self.at as f32) < enough * BUCKETS_PER_CELL {
             let last = &mut self.last[self.at % N_BUCKETS];
-            if let Some((open, before)) = self.entries.get(*last as usize) {
+            if let Some((place, before)) = self.entries.get(*last as usize) {
                 *last = *before;
                 self.n_open -= 1;
-                return Some(*open);
+                return Some(*place);
             }
             self.at += 1;
         }
@@ -328,8 +374,8 @@ mod tests {
         loop {
             let before = costs.clone();
             for cell in layout.cells() {
-                for (dx, dy) in STEPS {
-                    if let Some((next, cost)) = step_cost(map, cell, (dx, dy)) {
+                for step in STEPS {
+                    if let Some((next, cost)) = step_cost(map, cell, step) {
                         let reached = costs[layout.index(cell)] + cost;
                         let known = &mut costs[layout.index(next)];
                         *known = known.min(reached);
@@ -343,22 +389,22 @@ mod tests {
     }
 
     /// Where a step leads, and its cost; `None` where it is not allowed.
-    fn step_cost(map: &Costmap, cell: Cell, (dx, dy): (isize, isize)) -> Option<(Cell, f32)> {
+    fn step_cost(map: &Costmap, cell: Cell, (dx, dy): (i32, i32)) -> Option<(Cell, f32)> {
         let layout = map.layout();
-        let at = |dx: isize, dy: isize| {
-            let col = cell.col.checked_add_signed(dx).filter(|col| *col < layout.shape.n_cols)?;
-            let row = cell.row.checked_add_signed(dy).filter(|row| *row < layout.shape.n_rows)?;
+        let at = |dx: i32, dy: i32| {
+            let col = cell.col.checked_add_signed(dx as isize).filter(|col| *col < layout.shape.n_cols)?;
+            let row = cell.row.checked_add_signed(dy as isize).filter(|row| *row < layout.shape.n_rows)?;
             Some(Cell { col, row })
         };
         let is_free = |cell: Cell| map.blocked(layout.index(cell)) == Blocked::Free;
         let is_open = |side: Option<Cell>| {
-            side.is_some_and(|side| !map.is_solid(layout.index(side)) && (!is_free(cell) || is_free(side)))
+            side.is_some_and(|side| !map.is_solid(side) && (!is_free(cell) || is_free(side)))
         };
         let next = at(dx, dy).filter(|_| is_open(at(dx, dy)))?;
         if dx != 0 && dy != 0 && !(is_open(at(dx, 0)) && is_open(at(0, dy))) {
             return None;
         }
-        let weight = 1.0 + if is_free(next) { map.extra_cost(layout.index(next)) } else { LEAVING_COST };
+        let weight = map.weight(next);
         Some((next, weight * if dx != 0 && dy != 0 { std::f32::consts::SQRT_2 } else { 1.0 }))
     }
 

@@ -7,13 +7,15 @@
 use geometry::{Point2, Profile};
 use mapping::distance::signed_distance;
 use mapping::field::CONSERVATIVE_CELLS;
-use mapping::{Cell, DistanceField, Grid, Layout, Occupancy};
+use mapping::{Cell, DistanceField, Grid, Layout, Occupancy, Shape};
 
 /// Hull clearance that planner and filter share, beyond what the field is conservative by, metres. At 0.02
 /// less of it 18 of 200 worlds froze in a prototype, with it none.
 pub const CLEARANCE_BEYOND_FIELD_M: f64 = 0.03;
 /// Extra cost of a metre through unknown cells.
 const UNKNOWN_COST: f32 = 2.0;
+/// Cost of a metre through an inflated area: the nearest way out wins.
+const LEAVING_COST: f32 = 51.0;
 /// Up to this clearance of the hull a metre costs more, metres.
 const COMFORT_M: f64 = 0.25;
 /// Extra cost of a metre at the least clearance.
@@ -36,15 +38,36 @@ pub enum Blocked {
     Zone(usize),
 }
 
+/// What a metre costs in each cell, and a metre of plain floor costs 1.
+///
+/// With a border of solid cells around the map, so that every cell has eight neighbours.
+#[derive(Clone, Debug)]
+pub(crate) struct Weights {
+    /// Cells of a row, the border's with it.
+    pub(crate) stride: usize,
+    /// By row and column: below 0 in inflated areas, which are only ever left; infinite where something stands, which
+    /// is never passed, not even to get out of one.
+    pub(crate) values: Vec<f32>,
+}
+
+impl Weights {
+    fn solid(shape: Shape) -> Weights {
+        let stride = shape.n_cols + 2;
+        // One more than there are, so that four can be read from any neighbour on.
+        Weights { stride, values: vec![f32::INFINITY; stride * (shape.n_rows + 2) + 1] }
+    }
+
+    fn position(&self, cell: Cell) -> usize {
+        (cell.row + 1) * self.stride + cell.col + 1
+    }
+}
+
 /// Cells that the centre may be in, and the cost of being there.
 #[derive(Clone, Debug)]
 pub struct Costmap {
     layout: Layout,
     blocked: Vec<Blocked>,
-    /// Cells with something in them: never passed, not even to get out of an inflated area.
-    solid: Vec<bool>,
-    /// Cost of a metre beyond its length.
-    extra_cost: Vec<f32>,
+    weights: Weights,
     /// Margin of the hull to all that blocks, metres: free where it is at least `least_m`. Without it (a
     /// zone that yields NaN) nothing is free.
     margin: Option<DistanceField>,
@@ -70,7 +93,7 @@ impl Costmap {
         // What a conservative field of these cells must still show.
         let on_field_m = clearance_m - CONSERVATIVE_CELLS * layout.resolution_m;
         let n_cells = layout.shape.n_cells();
-        let (mut blocked_by, mut extra_cost) = (Vec::with_capacity(n_cells), Vec::with_capacity(n_cells));
+        let (mut blocked_by, mut weights) = (Vec::with_capacity(n_cells), Weights::solid(layout.shape));
         let mut margins_m = Vec::with_capacity(n_cells);
         for (idx, cell) in layout.cells().enumerate() {
             let place = layout.centre(cell);
@@ -88,13 +111,17 @@ impl Costmap {
             margins_m.push(hull_m as f32);
             let unknown = if base.values()[idx] == Occupancy::Unknown { UNKNOWN_COST } else { 0.0 };
             let tight = (1.0 - (hull_m - on_field_m) / COMFORT_M).clamp(0.0, 1.0);
-            extra_cost.push(unknown + (tight * DISCOMFORT_COST) as f32);
+            let position = weights.position(cell);
+            weights.values[position] = match blocked {
+                _ if occupied.values()[idx] => f32::INFINITY,
+                Blocked::Free => 1.0 + unknown + (tight * DISCOMFORT_COST) as f32,
+                Blocked::Obstacle | Blocked::Zone(_) => -LEAVING_COST,
+            };
         }
         let margin = DistanceField::from_values(layout, margins_m).ok();
-        let solid = occupied.values().to_vec();
         // The fields are in f32: a border must not be cut by rounding.
         let least_m = on_field_m - 1e-5;
-        Costmap { layout, blocked: blocked_by, solid, extra_cost, margin, least_m }
+        Costmap { layout, blocked: blocked_by, weights, margin, least_m }
     }
 
     /// Where the cells lie.
@@ -109,16 +136,21 @@ impl Costmap {
         self.blocked[idx]
     }
 
-    /// Whether something stands in the cell itself.
+    /// Whether something stands in a cell of the grid itself.
     #[must_use]
-    pub fn is_solid(&self, idx: usize) -> bool {
-        self.solid[idx]
+    pub fn is_solid(&self, cell: Cell) -> bool {
+        self.weight(cell).is_infinite()
     }
 
-    /// Cost of a metre beyond its length.
+    /// Cost of a metre in a cell of the grid: 1 on plain floor, infinite where something stands.
     #[must_use]
-    pub fn extra_cost(&self, idx: usize) -> f32 {
-        self.extra_cost[idx]
+    pub fn weight(&self, cell: Cell) -> f32 {
+        self.weights.values[self.weights.position(cell)].abs()
+    }
+
+    /// What a search goes by.
+    pub(crate) fn weights(&self) -> &Weights {
+        &self.weights
     }
 
     /// Whether the centre may be at a place, between cells too; not off the map.
@@ -145,22 +177,17 @@ impl Costmap {
             let place = from + (to - from) * (k as f64 / n as f64);
             if self.is_free(place) && (leaving || self.room_m(place) >= room_m) {
                 leaving = false;
-            } else if !leaving || self.layout.cell_at(place).is_none_or(|c| self.is_solid_cell(c)) {
+            } else if !leaving || self.layout.cell_at(place).is_none_or(|c| self.is_solid(c)) {
                 return false;
             }
         }
         !leaving
-    }
-
-    fn is_solid_cell(&self, cell: Cell) -> bool {
-        self.solid[self.layout.index(cell)]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mapping::Shape;
 
     fn layout(n_cols: usize, n_rows: usize) -> Layout {
         Layout::new(Point2::origin(), 0.05, Shape { n_cols, n_rows }).unwrap()
@@ -171,9 +198,9 @@ mod tests {
         let mut grid = Grid::filled(layout(40, 40), Occupancy::Free);
         grid.set(Cell { col: 20, row: 20 }, Occupancy::Unknown);
         let map = Costmap::new(&grid, &[], 0.05, &Profile::sim());
-        let idx = map.layout().index(Cell { col: 20, row: 20 });
-        assert_eq!(map.blocked(idx), Blocked::Free);
-        assert!(map.extra_cost(idx) > map.extra_cost(0));
+        let [unknown, known] = [(20, 20), (30, 20)].map(|(col, row)| Cell { col, row });
+        assert_eq!(map.blocked(map.layout().index(unknown)), Blocked::Free);
+        assert!(map.weight(unknown) > map.weight(known));
     }
 
     #[test]
