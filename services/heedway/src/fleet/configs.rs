@@ -94,7 +94,7 @@ fn filled_in(name: ServiceName, facts: &Facts<'_>) -> anyhow::Result<Table> {
     }
     for change in options.changes.iter().filter(|change| change.service == name) {
         let path: Vec<&str> = change.key.split('.').collect();
-        set(&mut table, &path, change.value.clone())?;
+        put(&mut table, &path, change.value.clone())?;
     }
     Ok(table)
 }
@@ -134,6 +134,18 @@ fn set(table: &mut Table, path: &[&str], value: impl Into<Value>) -> anyhow::Res
         place = place.get_mut(*section).and_then(Value::as_table_mut).ok_or_else(missing)?;
     }
     *place.get_mut(*last).ok_or_else(missing)? = value.into();
+    Ok(())
+}
+
+/// Sets a key, with the sections that it wants: the service itself refuses what it does not know.
+fn put(table: &mut Table, path: &[&str], value: Value) -> anyhow::Result<()> {
+    let (last, sections) = path.split_last().ok_or_else(|| anyhow!("a key of no name cannot be set"))?;
+    let mut place = table;
+    for section in sections {
+        let inner = place.entry(*section).or_insert_with(|| Value::Table(Table::new()));
+        place = inner.as_table_mut().ok_or_else(|| anyhow!("{section} of {} has no keys", path.join(".")))?;
+    }
+    place.insert((*last).to_owned(), value);
     Ok(())
 }
 
@@ -200,6 +212,16 @@ mod tests {
         ] {
             assert!(change(text).unwrap_err().contains(words), "{text}: {:?}", change(text));
         }
+    }
+
+    #[test]
+    fn a_change_may_add_a_section_but_not_to_what_has_none() {
+        let mut table: Table = toml::from_str("[semantics]\nmodels = \"remote\"\n").unwrap();
+        put(&mut table, &["semantics", "yolo", "model"], Value::from("a.onnx")).unwrap();
+        put(&mut table, &["semantics", "models"], Value::from("yolo")).unwrap();
+        assert_eq!(table["semantics"]["yolo"]["model"].as_str(), Some("a.onnx"));
+        assert_eq!(table["semantics"]["models"].as_str(), Some("yolo"));
+        assert!(put(&mut table, &["semantics", "models", "yolo"], Value::from(1)).is_err());
     }
 
     #[test]
