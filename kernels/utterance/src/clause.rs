@@ -1,7 +1,7 @@
 //! Clauses, and the signs by which a stretch of words is an order, a task or a story.
 
 use crate::draft::{Draft, Place};
-use crate::lexicon::Sense;
+use crate::lexicon::{GOING, Sense};
 use crate::noun::Name;
 use crate::quantity::{Bound, Kind};
 
@@ -64,13 +64,8 @@ pub const EXCLUSIONS: [Sense; 9] = [
     Sense::NeedsSpace,
     Sense::Closed,
 ];
-const DEEDS: [Sense; 13] = [
-    Sense::Motion,
-    Sense::VerbOn,
-    Sense::VerbNear,
-    Sense::VerbTouch,
-    Sense::VerbPast,
-    Sense::VerbBlock,
+/// Deeds besides going somewhere.
+const DEEDS: [Sense; 7] = [
     Sense::VerbWake,
     Sense::VerbLeave,
     Sense::Fast,
@@ -125,7 +120,8 @@ pub fn is_order(draft: &Draft) -> bool {
         || draft.has_any(&TALK)
         || draft.has(Sense::Contain)
         || (draft.n_neg > 0
-            && (draft.has_any(&DEEDS)
+            && (draft.has_any(&GOING)
+                || draft.has_any(&DEEDS)
                 || (!draft.has_any(&[Sense::Copula, Sense::Statement])
                     && draft.all_names().next().is_some())))
         || (draft.quantity(Kind::Distance).is_some() && draft.has(Sense::From))

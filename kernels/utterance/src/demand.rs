@@ -5,7 +5,7 @@
 //! such a stretch is asked about: it may well mean the robot.
 
 use crate::item::{Item, Sort};
-use crate::lexicon::Sense;
+use crate::lexicon::{GOING, Sense};
 
 /// What makes a demand of the verb behind it.
 const MODALS: [&str; 22] = [
@@ -109,15 +109,6 @@ fn is_active(items: &[Item], at: usize) -> bool {
     let first = item.text.split(' ').next().unwrap_or_default();
     let done_to =
         first == "be" || first.ends_with("ed") || matches!(first, "kept" | "left" | "driven" | "given");
-    let acts = item.is_any(&[
-        Sense::Motion,
-        Sense::VerbOn,
-        Sense::VerbNear,
-        Sense::VerbTouch,
-        Sense::VerbPast,
-        Sense::VerbBlock,
-        Sense::Avoid,
-        Sense::Slow,
-    ]);
+    let acts = item.is_any(&GOING) || item.is_any(&[Sense::Avoid, Sense::Slow]);
     !done_to && (acts || ACTIVE.contains(&first)) && items.len() > at + 1
 }

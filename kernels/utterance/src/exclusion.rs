@@ -3,7 +3,7 @@
 use rules::{Relation, Rule};
 
 use crate::draft::{Draft, Place, Region};
-use crate::lexicon::Sense;
+use crate::lexicon::{GOING, Sense};
 use crate::noun::{Name, Nouns};
 use crate::quantity::{Bound, Kind};
 use crate::resolve::Trouble;
@@ -92,14 +92,7 @@ fn negation_agrees(draft: &Draft) -> bool {
     let bounded = draft.quantity(Kind::Distance).is_some_and(|q| {
         matches!(q.bound, Bound::Within | Bound::Lower) || q.bound == Bound::Upper && q.said.contains("less")
     });
-    let deed = draft.has_any(&[
-        Sense::Motion,
-        Sense::VerbOn,
-        Sense::VerbNear,
-        Sense::VerbTouch,
-        Sense::VerbPast,
-        Sense::VerbBlock,
-    ]);
+    let deed = draft.has_any(&GOING);
     bounded
         || (deed && !draft.has_any(&[Sense::Avoid, Sense::Away, Sense::Wide])) && !draft.has(Sense::OffLimits)
 }

@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 
 use crate::quantity::{Bound, Kind};
 use crate::text::Token;
-pub use sense::Sense;
+pub use sense::{GOING, Sense};
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]

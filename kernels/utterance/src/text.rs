@@ -217,8 +217,14 @@ mod tests {
 
     #[track_caller]
     fn check(text: &str, words: &[&str]) {
-        let found: Vec<String> = tokens(text, Lexicon::get()).into_iter().map(|token| token.text).collect();
-        assert_eq!(found, words, "{text}");
+        check_read_as(text, &words.join(" "));
+    }
+
+    /// What a text is read as, a space between its words.
+    #[track_caller]
+    pub(super) fn check_read_as(text: &str, expected: &str) {
+        let words: Vec<String> = tokens(text, Lexicon::get()).into_iter().map(|token| token.text).collect();
+        assert_eq!(words.join(" "), expected, "{text}");
     }
 
     #[test]

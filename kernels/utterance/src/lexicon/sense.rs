@@ -119,3 +119,7 @@ impl Sense {
         )
     }
 }
+
+/// Senses that move the robot somewhere: into, near, past, against or before a thing.
+pub const GOING: [Sense; 6] =
+    [Sense::Motion, Sense::VerbOn, Sense::VerbNear, Sense::VerbTouch, Sense::VerbPast, Sense::VerbBlock];

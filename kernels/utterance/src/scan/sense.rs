@@ -3,7 +3,7 @@
 use super::choose::choose;
 use super::{Before, Scanner};
 use crate::item::{Item, Sort};
-use crate::lexicon::Sense;
+use crate::lexicon::{GOING, Sense};
 use crate::noun::Name;
 use crate::quantity::Kind;
 
@@ -57,19 +57,14 @@ impl Scanner<'_> {
     /// Phrases that mean something else in their surroundings; whether this is one.
     fn special(&mut self, item: &Item) -> bool {
         let next_is_deed = self.peek(0).is_some_and(|next| {
-            next.is_any(&[
-                Sense::Motion,
-                Sense::VerbOn,
-                Sense::VerbNear,
-                Sense::VerbTouch,
-                Sense::VerbPast,
-                Sense::VerbBlock,
-                Sense::VerbWake,
-                Sense::TurnFast,
-                Sense::Turn,
-                Sense::Fast,
-                Sense::VerbLeave,
-            ])
+            next.is_any(&GOING)
+                || next.is_any(&[
+                    Sense::VerbWake,
+                    Sense::VerbLeave,
+                    Sense::Turn,
+                    Sense::TurnFast,
+                    Sense::Fast,
+                ])
         });
         // "avoid going under", "stop bumping into": a negation.
         let gerund_next = next_is_deed

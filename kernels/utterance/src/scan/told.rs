@@ -2,7 +2,7 @@
 
 use super::{Before, ORDERS, Scanner, place_of};
 use crate::item::{Item, Sort};
-use crate::lexicon::Sense;
+use crate::lexicon::{GOING, Sense};
 use crate::phrase::noun_phrase;
 use crate::quantity::Kind;
 use crate::segment::Join;
@@ -192,19 +192,8 @@ impl Scanner<'_> {
     /// Whether what is done here is done by the thing before it, not by the robot.
     fn is_done_by_name(&self, item: &Item) -> bool {
         // "the vibrations stress the fish", "chairs get pulled out": done by the thing, not by the robot.
-        let deeds = [
-            Sense::Motion,
-            Sense::VerbOn,
-            Sense::VerbNear,
-            Sense::VerbTouch,
-            Sense::VerbPast,
-            Sense::VerbBlock,
-            Sense::VerbWake,
-            Sense::VerbLeave,
-            Sense::Task,
-        ];
         self.join != Some(Join::If)
-            && item.is_any(&deeds)
+            && (item.is_any(&GOING) || item.is_any(&[Sense::VerbWake, Sense::VerbLeave, Sense::Task]))
             && !item.is(Sense::PrepNear)
             && !item.is(Sense::Copula)
             && !item.text.ends_with("ing")

@@ -3,7 +3,7 @@
 use super::{Earlier, Join};
 use crate::background::is_past;
 use crate::item::{Item, Sort};
-use crate::lexicon::Sense;
+use crate::lexicon::{GOING, Sense};
 use crate::quantity::{Bound, Kind};
 
 /// Senses that begin a new order after a condition ("when you see a dog | slow down").
@@ -164,17 +164,7 @@ fn cut_by_start(
         || item.is(Sense::StayOff) && ["stay", "keep"].iter().any(|verb| item.text.starts_with(verb))
         || item.is(Sense::Neg) && matches!(item.text.as_str(), "do not" | "never");
     // "get to the dock without touching the crates": a task, and what to heed on the way.
-    let besides = item.text == "without"
-        && next.is_some_and(|n| {
-            n.is_any(&[
-                Sense::VerbTouch,
-                Sense::VerbOn,
-                Sense::VerbNear,
-                Sense::VerbPast,
-                Sense::VerbBlock,
-                Sense::VerbWake,
-            ]) || n.is(Sense::Motion)
-        });
+    let besides = item.text == "without" && next.is_some_and(|n| n.is_any(&GOING) || n.is(Sense::VerbWake));
     if besides && named && !earlier.ordered && before.is_some_and(Item::is_word) {
         return Some((Join::And, true));
     }

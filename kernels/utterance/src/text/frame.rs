@@ -196,14 +196,7 @@ fn fits(parts: &[Part], tokens: &[Token], at: usize, holes: &mut Vec<(usize, usi
 #[cfg(test)]
 mod tests {
     use super::FRAMES;
-    use crate::lexicon::Lexicon;
-
-    #[track_caller]
-    fn check(text: &str, expected: &str) {
-        let words: Vec<String> =
-            crate::text::tokens(text, Lexicon::get()).into_iter().map(|token| token.text).collect();
-        assert_eq!(words.join(" "), expected, "{text}");
-    }
+    use crate::text::tests::check_read_as as check;
 
     #[test]
     fn every_line_of_the_file_is_a_frame_that_names_its_holes() {

@@ -4,7 +4,7 @@
 //! robot only as the subject of a demand that a thing cannot be under, and only when no thing could be meant.
 
 use super::Token;
-use crate::lexicon::{Lexicon, Sense};
+use crate::lexicon::{GOING, Lexicon, Sense};
 use crate::speech::{Speech, speech};
 
 /// Names that only the robot bears.
@@ -158,19 +158,7 @@ fn is_demand(tokens: &[Token], at: usize, lexicon: &Lexicon) -> bool {
     let senses = lexicon.senses_at(tokens, verb).map_or(&[][..], |(senses, _)| senses);
     ACTS.contains(&word(tokens, verb))
         || senses.iter().any(|sense| {
-            matches!(
-                sense,
-                Sense::Motion
-                    | Sense::VerbOn
-                    | Sense::VerbNear
-                    | Sense::VerbTouch
-                    | Sense::VerbPast
-                    | Sense::VerbBlock
-                    | Sense::Slow
-                    | Sense::Crawl
-                    | Sense::Avoid
-                    | Sense::Turn
-            )
+            GOING.contains(sense) || matches!(sense, Sense::Slow | Sense::Crawl | Sense::Avoid | Sense::Turn)
         })
 }
 
@@ -202,14 +190,7 @@ fn agree(tokens: &[Token], at: &mut usize, out: &mut Vec<Token>) {
 
 #[cfg(test)]
 mod tests {
-    use crate::lexicon::Lexicon;
-
-    #[track_caller]
-    fn check(text: &str, expected: &str) {
-        let words: Vec<String> =
-            crate::text::tokens(text, Lexicon::get()).into_iter().map(|token| token.text).collect();
-        assert_eq!(words.join(" "), expected, "{text}");
-    }
+    use crate::text::tests::check_read_as as check;
 
     #[test]
     fn the_robot_in_the_third_person_is_spoken_to() {
