@@ -67,9 +67,9 @@ pub fn shortest_path(map: &Costmap, start: Point2, goal: Point2) -> Result<Vec<P
     let [from, to] = [start_cell, goal_cell].map(|cell| search.position(cell));
     search.run(from, to);
     let mut path = vec![goal];
-    let mut here = to;
+    let (mut here, mut step) = (to, 0);
     while here != from {
-        here = search.before(here).ok_or(NoPath::Closed)?;
+        (here, step) = search.before(here, step).ok_or(NoPath::Closed)?;
         if here != from {
             path.push(layout.centre(search.cell(here)));
         }
@@ -179,17 +179,20 @@ impl<'a> Search<'a> {
         CLEAR_OF_CORNERS[usize::from(bits(rows))]
     }
 
-    /// The cell before one on the cheapest way to it; `None` when no way leads there.
-    fn before(&self, here: usize) -> Option<usize> {
+    /// The cell before one on the cheapest way to it, and the step from there; `None` when no way leads there. Of
+    /// ways that cost the same it is the one that goes straight on by `step`.
+    fn before(&self, here: usize, step: usize) -> Option<(usize, usize)> {
         let (cost, weight) = (self.costs[here].abs(), self.weights.values[here].abs());
-        let steps = self.ways.iter().zip(LENGTHS).enumerate();
-        let mut befores = steps.map(|(step, (way, length))| (step, length, here.wrapping_add_signed(-way)));
-        let is_before = |step: usize, length: f32, from: usize| {
-            self.costs[from].abs() + length * weight <= cost && self.allowed(from) >> step & 1 == 1
-        };
-        let (.., from) =
-            befores.find(|(step, length, from)| cost.is_finite() && is_before(*step, *length, *from))?;
-        Some(from)
+        if cost == f32::INFINITY {
+            return None;
+        }
+        let others = (0..STEPS.len()).filter(|other| *other != step);
+        let mut befores = std::iter::once(step).chain(others).filter_map(|step| {
+            let from = here.checked_add_signed(-self.ways[step])?;
+            let is_before = self.costs[from].abs() + LENGTHS[step] * weight <= cost;
+            (is_before && self.allowed(from) >> step & 1 == 1).then_some((from, step))
+        });
+        befores.next()
     }
 }
 
