@@ -36,7 +36,7 @@ pub use motion::{MotionConfig, MotionModel};
 
 pub(crate) use agreement::{Judge, agrees_surely};
 pub(crate) use following::{Followed, follow};
-pub(crate) use sweep::Sweep;
+pub(crate) use sweep::{Place, Sweep, Verdict};
 
 use drawing::Drawing;
 use graph::Graph;
