@@ -210,7 +210,7 @@ impl Slam {
     pub fn pose(&self, anchor: &Anchor) -> Pose2 {
         let submap = self.submaps.get(anchor.submap_idx);
         let matched = submap.map_or(Pose2::IDENTITY, |s| s.map_from_submap) * anchor.submap_from_base;
-        self.drawing.moved(anchor.nth_kept, &self.submaps) * matched
+        self.drawing.moved(matched, anchor.nth_kept, &self.submaps)
     }
 
     /// The pose that is known now.
@@ -258,7 +258,7 @@ impl Slam {
         }
         self.graph.settle(&mut self.submaps);
         let torn: Vec<usize> = self.seams.iter().map(|seam| seam.new).collect();
-        self.drawing.smooth(&self.submaps, &torn, &self.motion, &self.config);
+        self.drawing.smooth(&self.submaps, &torn, &self.config);
         self.drawing.draw_anew();
         self.drawing.draw_all(&self.submaps);
     }

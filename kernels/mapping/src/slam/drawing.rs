@@ -3,7 +3,6 @@
 use geometry::{Point2, Pose2};
 
 use super::config::SlamConfig;
-use super::motion::MotionModel;
 use super::smoothing;
 use super::submap::Submap;
 use crate::base_map::{BaseMapError, BaseMapper, Scan};
@@ -162,27 +161,36 @@ impl Drawing {
         self.n_ever
     }
 
-    /// How far the scan that was kept as the `nth`, or the last one before it, was moved by what was seen
-    /// later: what lay somewhere in the map by the one lies there by the other.
-    pub(super) fn moved(&self, nth: u64, submaps: &[Submap]) -> Pose2 {
-        let until = self.kept.partition_point(|keyframe| keyframe.nth <= nth);
-        let keyframe = until.checked_sub(1).and_then(|idx| self.kept.get(idx));
-        keyframe.filter(|k| k.smoothed.is_some()).map_or(Pose2::IDENTITY, |keyframe| {
-            keyframe.map_from_smoothed(submaps) * keyframe.map_from_base(submaps).inverse()
-        })
+    /// Where a pose lies by what was seen later that was matched at `map_from_base` when `nth` scans had been
+    /// kept: it moves as the kept scans before and after it did, the nearer one more.
+    pub(super) fn moved(&self, map_from_base: Pose2, nth: u64, submaps: &[Submap]) -> Pose2 {
+        let after = self.kept.partition_point(|keyframe| keyframe.nth <= nth);
+        let near = |idx: Option<usize>| {
+            let keyframe = idx.and_then(|idx| self.kept.get(idx))?;
+            let matched = keyframe.map_from_base(submaps);
+            let off = matched.inverse() * map_from_base;
+            let far = off.position().coords.norm() + off.yaw_rad.abs();
+            keyframe.smoothed?;
+            Some((far, matched.inverse() * keyframe.map_from_smoothed(submaps)))
+        };
+        let Some((far_before, before)) = near(after.checked_sub(1)) else { return map_from_base };
+        let (far_after, after) = near(Some(after)).unwrap_or((f64::INFINITY, before));
+        let share = if far_before > 0.0 { far_before / (far_before + far_after) } else { 0.0 };
+        // Both are small.
+        let between = |before: f64, after: f64| before + share * (after - before);
+        map_from_base
+            * Pose2::new(
+                between(before.x_m, after.x_m),
+                between(before.y_m, after.y_m),
+                between(before.yaw_rad, after.yaw_rad),
+            )
     }
 
     /// Moves the kept scans to where all that was seen says they were taken.
-    pub(super) fn smooth(
-        &mut self,
-        submaps: &[Submap],
-        torn: &[usize],
-        motion: &MotionModel,
-        config: &SlamConfig,
-    ) {
+    pub(super) fn smooth(&mut self, submaps: &[Submap], torn: &[usize], config: &SlamConfig) {
         let cloud_of =
             |keyframe: &Keyframe| Cloud::of_scan(&keyframe.scan(), self.base_from_lidar, config.range_used_m);
-        smoothing::smooth(&mut self.kept, submaps, torn, motion, config.cell_m, cloud_of);
+        smoothing::smooth(&mut self.kept, submaps, torn, config.cell_m, cloud_of);
     }
 
     /// The surfaces that the scan kept last shows, in its base.

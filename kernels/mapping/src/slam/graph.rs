@@ -61,6 +61,13 @@ impl Constraint {
         Constraint { from, to, from_from_to, information: diagonal(off.0, off.1), is_loop: false }
     }
 
+    /// One where odometry tells; deviations along and aside in metres, turned in radians. Wheels spin and robots
+    /// are carried: what is far off counts less, as a loop does.
+    pub(super) fn told(from: usize, to: usize, from_from_to: Pose2, deviations: [f64; 3]) -> Self {
+        let information = Matrix3::from_diagonal(&Vector3::from(deviations.map(|d| d.powi(-2))));
+        Constraint { from, to, from_from_to, information, is_loop: true }
+    }
+
     /// Error and its derivatives by the two poses.
     fn linear(&self, from: &Pose2, to: &Pose2) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
         let (sin, cos) = from.yaw_rad.sin_cos();

@@ -125,17 +125,6 @@ impl Foreseen {
     }
 }
 
-/// A motion by a calibrated odometry.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Slip {
-    /// What it meant.
-    pub(super) last_from_now: Pose2,
-    /// Deviation of x and of y, metres.
-    pub(super) shift_m: f64,
-    /// Deviation of the heading, radians.
-    pub(super) turn_rad: f64,
-}
-
 /// One way to foresee a number or a vector, and its mean error lately.
 #[derive(Clone, Copy, Debug)]
 struct Guess<T> {
@@ -204,17 +193,6 @@ impl MotionModel {
             shift_m: shift_m + (DEVIATION_OF_MEAN * way.error).max(SHARE_OF_LONGEST * self.longest[0]),
             turn_rad: turn_rad + (DEVIATION_OF_MEAN * turn.error).max(SHARE_OF_LONGEST * self.longest[1]),
             told: None,
-        }
-    }
-
-    /// What odometry meant by a motion, by all that was learned of it, and how far off that may be.
-    pub(super) fn slip(&self, told: &Pose2) -> Slip {
-        let MotionConfig { shift_m, turn_share, turn_rad, .. } = self.config;
-        let way_m = told.position().coords.norm();
-        Slip {
-            last_from_now: self.calibration.corrected(told),
-            shift_m: shift_m + SLIP_SHARE * way_m,
-            turn_rad: turn_rad + SLIP_RAD_M * way_m + turn_share * told.yaw_rad.abs(),
         }
     }
 

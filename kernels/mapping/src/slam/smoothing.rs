@@ -10,9 +10,12 @@ use geometry::{Pose2, angle::wrapped};
 
 use super::drawing::Keyframe;
 use super::graph::{Constraint, optimise};
-use super::motion::{MotionModel, Slip};
 use super::submap::Submap;
 use crate::scan_match::{Cloud, Evidence, MatchMap, Prior, refine};
+
+mod wheels;
+
+use wheels::Wheels;
 
 /// A scan is matched against the first one that lies at least so far on along the way, metres.
 const GAPS_M: [f64; 5] = [0.0, 1.0, 2.0, 4.0, 8.0];
@@ -38,13 +41,6 @@ const PAIR_TURN_RAD: f64 = 0.004;
 /// Where nothing ties a scan, it stays at the one before as it was, give or take: metres and radians.
 const LOOSE_M: f64 = 0.5;
 const LOOSE_RAD: f64 = 0.2;
-/// Odometry that is more deviations off what scans say is none.
-const DEVIATIONS_MAX: f64 = 6.0;
-/// Odometry's errors over what was foreseen: least and most that is believed.
-const SLIP_MIN: f64 = 0.3;
-const SLIP_MAX: f64 = 3.0;
-/// The median of a normal deviate's absolute value.
-const MEDIAN_OF_NORMAL: f64 = 0.6745;
 /// The pairs are matched anew from where they settled.
 const N_ROUNDS: usize = 2;
 
@@ -54,7 +50,6 @@ pub(super) fn smooth(
     kept: &mut [Keyframe],
     submaps: &[Submap],
     torn: &[usize],
-    motion: &MotionModel,
     cell_m: f64,
     cloud_of: impl Fn(&Keyframe) -> Cloud,
 ) {
@@ -64,11 +59,11 @@ pub(super) fn smooth(
     let pieces: Vec<usize> =
         kept.iter().map(|k| torn.iter().filter(|first| **first <= k.submap_idx()).count()).collect();
     let pairs = pairs_of(&before, &pieces);
-    let told: Vec<Option<Slip>> = kept.iter().map(|k| k.told().map(|told| motion.slip(&told))).collect();
-    for round in 0..N_ROUNDS {
+    let told: Vec<Option<Pose2>> = kept.iter().map(Keyframe::told).collect();
+    for _ in 0..N_ROUNDS {
+        let wheels = Wheels::fit(&told, &poses);
         let mut constraints = matched(&pairs, &clouds, &poses, cell_m);
-        let slip = if round == 0 { 1.0 } else { slip_of(&told, &poses) };
-        constraints.extend(chain_of(&before, &told, slip));
+        constraints.extend(chain_of(&before, &told, &wheels));
         optimise(&constraints, &mut poses);
     }
     for (keyframe, pose) in kept.iter_mut().zip(&poses) {
@@ -76,21 +71,15 @@ pub(super) fn smooth(
     }
 }
 
-/// Ties each scan to the one before: loosely as it was, and as odometry tells, whose errors are `slip` times what
-/// was foreseen.
-fn chain_of(before: &[Pose2], told: &[Option<Slip>], slip: f64) -> Vec<Constraint> {
+/// Ties each scan to the one before: loosely as it was, and as odometry tells.
+fn chain_of(before: &[Pose2], told: &[Option<Pose2>], wheels: &Wheels) -> Vec<Constraint> {
     let mut constraints = Vec::new();
     for (idx, (last, now)) in before.iter().zip(before.iter().skip(1)).enumerate() {
         let as_it_was = last.inverse() * *now;
         constraints.push(Constraint::loose(idx, idx + 1, as_it_was, (LOOSE_M, LOOSE_RAD)));
-        let Some(Some(told)) = told.get(idx + 1) else { continue };
-        let (shift_m, turn_rad) = (told.shift_m * slip, told.turn_rad * slip);
-        let off = told.last_from_now.inverse() * as_it_was;
-        // Wheels that spun, or a robot that was carried, tell nothing.
-        let is_told = off.position().coords.norm() <= DEVIATIONS_MAX * shift_m
-            && off.yaw_rad.abs() <= DEVIATIONS_MAX * turn_rad;
-        if is_told {
-            constraints.push(Constraint::loose(idx, idx + 1, told.last_from_now, (shift_m, turn_rad)));
+        if let Some(Some(told)) = told.get(idx + 1) {
+            let deviations = wheels.deviations(told);
+            constraints.push(Constraint::told(idx, idx + 1, wheels.meant(told), deviations));
         }
     }
     constraints
@@ -161,24 +150,4 @@ fn matched(pairs: &[Vec<usize>], clouds: &[Cloud], poses: &[Pose2], cell_m: f64)
         }
     }
     constraints
-}
-
-/// How many times larger odometry's errors are than foreseen: by the middle one, so that slips are none.
-fn slip_of(told: &[Option<Slip>], poses: &[Pose2]) -> f64 {
-    let mut deviations: Vec<f64> = Vec::new();
-    for ((last, now), told) in poses.iter().zip(poses.iter().skip(1)).zip(told.iter().skip(1)) {
-        let Some(told) = told else { continue };
-        let off = told.last_from_now.inverse() * (last.inverse() * *now);
-        deviations.extend([
-            (off.x_m / told.shift_m).abs(),
-            (off.y_m / told.shift_m).abs(),
-            (off.yaw_rad / told.turn_rad).abs(),
-        ]);
-    }
-    if deviations.is_empty() {
-        return 1.0;
-    }
-    let middle = deviations.len() / 2;
-    let median = *deviations.select_nth_unstable_by(middle, f64::total_cmp).1;
-    (median / MEDIAN_OF_NORMAL).clamp(SLIP_MIN, SLIP_MAX)
 }
