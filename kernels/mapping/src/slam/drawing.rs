@@ -1,5 +1,6 @@
 //! The base map, drawn from kept scans at the poses of their sub-maps, and drawn anew when those move.
 
+use geometry::angle::wrapped;
 use geometry::{Point2, Pose2};
 
 use super::config::SlamConfig;
@@ -167,23 +168,19 @@ impl Drawing {
         let after = self.kept.partition_point(|keyframe| keyframe.nth <= nth);
         let near = |idx: Option<usize>| {
             let keyframe = idx.and_then(|idx| self.kept.get(idx))?;
-            let matched = keyframe.map_from_base(submaps);
-            let off = matched.inverse() * map_from_base;
-            let far = off.position().coords.norm() + off.yaw_rad.abs();
             keyframe.smoothed?;
-            Some((far, matched.inverse() * keyframe.map_from_smoothed(submaps)))
+            let off = keyframe.map_from_base(submaps).inverse() * map_from_base;
+            let far = off.position().coords.norm() + off.yaw_rad.abs();
+            Some((far, keyframe.map_from_smoothed(submaps) * off))
         };
         let Some((far_before, before)) = near(after.checked_sub(1)) else { return map_from_base };
         let (far_after, after) = near(Some(after)).unwrap_or((f64::INFINITY, before));
         let share = if far_before > 0.0 { far_before / (far_before + far_after) } else { 0.0 };
-        // Both are small.
-        let between = |before: f64, after: f64| before + share * (after - before);
-        map_from_base
-            * Pose2::new(
-                between(before.x_m, after.x_m),
-                between(before.y_m, after.y_m),
-                between(before.yaw_rad, after.yaw_rad),
-            )
+        Pose2::new(
+            before.x_m + share * (after.x_m - before.x_m),
+            before.y_m + share * (after.y_m - before.y_m),
+            before.yaw_rad + share * wrapped(after.yaw_rad - before.yaw_rad),
+        )
     }
 
     /// Moves the kept scans to where all that was seen says they were taken.
