@@ -3,15 +3,22 @@
 //! Each scan is matched against the map's occupied cells, starting from where odometry says it should lie.
 //! Things that stand where the map is free count against a match; several scans that do not fit, and the robot
 //! is lost: it is then looked for all over the map, a part with each scan, and found when one place stands out
-//! among all.
+//! among all. A robot that fits worse than it used to is looked for in the same way, while it is followed where it
+//! seems to be: until all of the map was looked at and no place fits better, its pose is uncertain.
 
 use geometry::Pose2;
 use nalgebra::Vector2;
 
 use crate::base_map::{BaseMapError, Scan};
 use crate::grid::{Cell, Grid, Occupancy};
-use crate::scan_match::{self, Candidate, Cloud, CloudPoint, FreeGrid, MatchMap, Prior, Window};
-use crate::slam::{Judge, MotionConfig, MotionModel, Standing, Sweep, agrees_surely, follow, is_motion};
+use crate::scan_match::{self, Candidate, Cloud, CloudPoint, Evidence, FreeGrid, MatchMap, Prior, Window};
+use crate::slam::{
+    Judge, MotionConfig, MotionModel, Place, Standing, Sweep, Verdict, agrees_surely, follow, is_motion,
+};
+
+mod doubt;
+
+use doubt::Doubt;
 
 /// So many places of each square are compared.
 const N_PLACES: usize = 12;
@@ -50,6 +57,7 @@ pub struct Localiser {
     judge: Judge,
     map_from_base: Pose2,
     is_first: bool,
+    doubt: Doubt,
     sweep: Sweep,
 }
 
@@ -75,6 +83,7 @@ impl Localiser {
             judge: Judge::default(),
             map_from_base,
             is_first: true,
+            doubt: Doubt::default(),
             sweep: Sweep::default(),
         }
     }
@@ -104,22 +113,54 @@ impl Localiser {
         // Where it was set down is known roughly.
         let foreseen =
             if self.is_first { foreseen.no_surer_than(START_SHIFT_M, START_TURN_RAD) } else { foreseen };
-        let window = foreseen.window();
-        let followed = follow(&self.map, &cloud, &last, &foreseen, window);
+        self.sweep.carry(foreseen.last_from_now);
+        let followed = follow(&self.map, &cloud, &last, &foreseen, foreseen.window());
         self.judge.hear(followed.is_some_and(|f| f.is_good));
-        if let Some(followed) = followed.filter(|f| f.is_good) {
-            self.motion.learn(&last, &followed.pose, &foreseen, followed.variance);
-            self.map_from_base = followed.pose;
-            self.is_first = false;
-        } else {
+        let Some(followed) = followed.filter(|f| f.is_good) else {
             self.motion.forget();
             self.map_from_base = last * foreseen.last_from_now;
-        }
-        Ok(self.found(false))
+            return Ok(self.found(false));
+        };
+        self.motion.learn(&last, &followed.pose, &foreseen, followed.variance);
+        self.map_from_base = followed.pose;
+        self.is_first = false;
+        let was_open = self.doubt.is_open();
+        self.doubt.hear(followed.share);
+        let has_jumped = match (was_open, self.doubt.is_open()) {
+            (true, true) => self.look_for_better(&cloud, followed.share),
+            (true, false) => {
+                self.sweep = Sweep::default();
+                false
+            }
+            // The first one may be a passer-by.
+            (false, _) => false,
+        };
+        Ok(self.found(has_jumped))
     }
 
     fn found(&self, has_jumped: bool) -> Found {
-        Found { map_from_base: self.map_from_base, standing: self.judge.standing(), has_jumped }
+        let standing = match self.judge.standing() {
+            Standing::Good if self.doubt.is_open() => Standing::Uncertain,
+            standing => standing,
+        };
+        Found { map_from_base: self.map_from_base, standing, has_jumped }
+    }
+
+    /// Looks into one square of the map for a robot that fits worse than it used to; true when all have been
+    /// looked at and it is elsewhere.
+    fn look_for_better(&mut self, cloud: &Cloud, share: f64) -> bool {
+        if cloud.points().len() < N_POINTS_MIN {
+            return false;
+        }
+        let score = Evidence::of(&self.map, cloud, self.map_from_base).score();
+        let here = Place { map_from_base: self.map_from_base, score, part: 0 };
+        match self.sweep.compare(&here, self.n_squares()) {
+            Verdict::NotYet => self.look_into_next_square(cloud),
+            Verdict::Here => self.doubt.dismiss(share),
+            Verdict::There(place) if self.settle_at(place.map_from_base, cloud) => return true,
+            Verdict::There(_) | Verdict::Unknown => self.judge.lose(),
+        }
+        false
     }
 
     /// Looks into one square of the map at any heading; true when all have been looked at, one place stands out,
@@ -129,20 +170,35 @@ impl Localiser {
         if cloud.points().len() < N_POINTS_MIN {
             return false;
         }
-        let (low, high) = (self.occupancy.layout().origin, self.occupancy.layout().far_corner());
-        let n_side = ((high - low) / (2.0 * SQUARE_M)).map(|n| n.ceil().max(1.0) as usize);
-        let n_parts = n_side.x * n_side.y;
-        if let Some(place) = self.sweep.decide(n_parts) {
+        if let Some(place) = self.sweep.decide(self.n_squares()) {
             return self.settle_at(place.map_from_base, cloud);
         }
-        let nth = self.sweep.next_part(n_parts);
+        self.look_into_next_square(cloud);
+        false
+    }
+
+    /// Squares that the map is looked into by, along x and along y.
+    fn squares(&self) -> [usize; 2] {
+        let (low, high) = (self.occupancy.layout().origin, self.occupancy.layout().far_corner());
+        let n_side = ((high - low) / (2.0 * SQUARE_M)).map(|n| n.ceil().max(1.0) as usize);
+        [n_side.x, n_side.y]
+    }
+
+    fn n_squares(&self) -> usize {
+        let [n_cols, n_rows] = self.squares();
+        n_cols * n_rows
+    }
+
+    fn look_into_next_square(&mut self, cloud: &Cloud) {
+        let low = self.occupancy.layout().origin;
+        let nth = self.sweep.next_part(self.n_squares());
+        let [n_cols, _] = self.squares();
         let at = |axis_low: f64, idx: usize| axis_low + (2 * idx + 1) as f64 * SQUARE_M;
-        let middle = Pose2::new(at(low.x, nth % n_side.x), at(low.y, nth / n_side.x), 0.0);
+        let middle = Pose2::new(at(low.x, nth % n_cols), at(low.y, nth / n_cols), 0.0);
         let anywhere = Prior { map_from_scan: middle, shift_m: 100.0, turn_rad: 10.0 };
         let window = Window { shift_m: SQUARE_M, turn_rad: std::f64::consts::PI };
         let places = scan_match::candidates(&self.map, cloud, &anywhere, window, N_PLACES);
         self.sweep.look(nth, Pose2::IDENTITY, &places);
-        false
     }
 
     /// Goes on at a place, if the scan fits there.
@@ -154,6 +210,7 @@ impl Localiser {
         let off_m = (found.map_from_scan.position() - self.map_from_base.position()).norm();
         self.map_from_base = found.map_from_scan;
         self.judge.found();
+        self.doubt.close();
         off_m > JUMP_M
     }
 }

@@ -27,6 +27,7 @@ mod loops;
 mod motion;
 mod relocation;
 mod seams;
+mod smoothing;
 mod submap;
 mod sweep;
 
@@ -36,7 +37,7 @@ pub use motion::{MotionConfig, MotionModel};
 
 pub(crate) use agreement::{Judge, agrees_surely};
 pub(crate) use following::{Followed, follow};
-pub(crate) use sweep::Sweep;
+pub(crate) use sweep::{Place, Sweep, Verdict};
 
 use drawing::Drawing;
 use graph::Graph;
@@ -57,6 +58,8 @@ const LOOP_PERIOD: u64 = 3;
 pub struct Anchor {
     submap_idx: usize,
     submap_from_base: Pose2,
+    /// The scan that was kept last.
+    nth_kept: u64,
 }
 
 /// What one scan did.
@@ -87,6 +90,8 @@ pub struct Slam {
     /// Where the last scan went into the map, in the present sub-map, and how long the way was there.
     last_keyframe: Option<Pose2>,
     way_m: f64,
+    /// The motion since then, as odometry told it.
+    told: Option<Pose2>,
     graph: Graph,
     loops: Loops,
     drawing: Drawing,
@@ -139,6 +144,7 @@ impl Slam {
             present_from_base: Pose2::IDENTITY,
             last_keyframe: None,
             way_m: 0.0,
+            told: None,
             graph: Graph::default(),
             loops: Loops::default(),
             drawing: Drawing::new(config.base_from_lidar, mapper, start),
@@ -159,6 +165,7 @@ impl Slam {
         scan.check()?;
         let last_from_now = last_from_now.filter(is_motion);
         self.n_scans += 1;
+        self.told = self.told.zip(last_from_now).map(|(so_far, last_from_now)| so_far * last_from_now);
         let cloud = Cloud::of_scan(scan, self.config.base_from_lidar, self.config.range_used_m);
         let foreseen = self.motion.foresee(last_from_now).after_misses(self.judge.n_bad());
         let mut has_jumped = false;
@@ -187,7 +194,11 @@ impl Slam {
     fn located(&self, inlier_share: f64, has_jumped: bool) -> Located {
         Located {
             map_from_base: self.map_from_base(),
-            anchor: Anchor { submap_idx: self.present, submap_from_base: self.present_from_base },
+            anchor: Anchor {
+                submap_idx: self.present,
+                submap_from_base: self.present_from_base,
+                nth_kept: self.drawing.n_ever(),
+            },
             standing: self.judge.standing(),
             inlier_share,
             has_jumped,
@@ -198,7 +209,8 @@ impl Slam {
     #[must_use]
     pub fn pose(&self, anchor: &Anchor) -> Pose2 {
         let submap = self.submaps.get(anchor.submap_idx);
-        submap.map_or(Pose2::IDENTITY, |s| s.map_from_submap) * anchor.submap_from_base
+        let matched = submap.map_or(Pose2::IDENTITY, |s| s.map_from_submap) * anchor.submap_from_base;
+        self.drawing.moved(matched, anchor.nth_kept, &self.submaps)
     }
 
     /// The pose that is known now.
@@ -231,7 +243,8 @@ impl Slam {
         self.drawing.n_not_drawn()
     }
 
-    /// Looks for all that waits to be looked for and draws the whole map, however long it takes.
+    /// Looks for all that waits to be looked for, lays every kept scan where all that was seen before and after
+    /// says that it was taken, and draws the whole map, however long it takes: some milliseconds for each kept scan.
     pub fn finish(&mut self) {
         for seam in std::mem::take(&mut self.seams) {
             match seam.look(&self.submaps) {
@@ -243,9 +256,10 @@ impl Slam {
         while self.loops.is_waiting() {
             self.close_a_loop();
         }
-        if self.graph.settle(&mut self.submaps) {
-            self.drawing.draw_anew();
-        }
+        self.graph.settle(&mut self.submaps);
+        let torn: Vec<usize> = self.seams.iter().map(|seam| seam.new).collect();
+        self.drawing.smooth(&self.submaps, &torn, &self.config);
+        self.drawing.draw_anew();
         self.drawing.draw_all(&self.submaps);
     }
 

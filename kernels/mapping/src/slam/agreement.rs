@@ -79,6 +79,11 @@ impl Judge {
         self.n_bad = if is_good { 0 } else { self.n_bad.saturating_add(1) };
     }
 
+    /// The robot is elsewhere, nobody knows where.
+    pub(crate) fn lose(&mut self) {
+        self.n_bad = N_LOST;
+    }
+
     /// The robot was found again.
     pub(crate) fn found(&mut self) {
         self.n_bad = 0;

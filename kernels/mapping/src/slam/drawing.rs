@@ -1,7 +1,10 @@
 //! The base map, drawn from kept scans at the poses of their sub-maps, and drawn anew when those move.
 
+use geometry::angle::wrapped;
 use geometry::{Point2, Pose2};
 
+use super::config::SlamConfig;
+use super::smoothing;
 use super::submap::Submap;
 use crate::base_map::{BaseMapError, BaseMapper, Scan};
 use crate::scan_match::Cloud;
@@ -16,6 +19,12 @@ const N_KEPT_MAX: usize = 20_000;
 pub(super) struct Keyframe {
     submap_idx: usize,
     submap_from_base: Pose2,
+    /// Where it lies by all that was seen before and after, when that has been asked for.
+    smoothed: Option<Pose2>,
+    /// Which of all scans that were ever kept this is.
+    nth: u64,
+    /// The motion since the one before, as odometry told it.
+    told: Option<Pose2>,
     ranges_m: Box<[f32]>,
     angle_min_rad: f64,
     angle_increment_rad: f64,
@@ -25,10 +34,19 @@ pub(super) struct Keyframe {
 }
 
 impl Keyframe {
-    pub(super) fn new(scan: &Scan<'_>, submap_idx: usize, submap_from_base: Pose2) -> Self {
+    /// `told` is the motion since the one before, as odometry told it.
+    pub(super) fn new(
+        scan: &Scan<'_>,
+        submap_idx: usize,
+        submap_from_base: Pose2,
+        told: Option<Pose2>,
+    ) -> Self {
         Keyframe {
             submap_idx,
             submap_from_base,
+            smoothed: None,
+            nth: 0,
+            told,
             ranges_m: scan.ranges_m.into(),
             angle_min_rad: scan.angle_min_rad,
             angle_increment_rad: scan.angle_increment_rad,
@@ -49,8 +67,31 @@ impl Keyframe {
         }
     }
 
-    fn map_from_base(&self, submaps: &[Submap]) -> Pose2 {
-        submaps.get(self.submap_idx).map_or(Pose2::IDENTITY, |s| s.map_from_submap) * self.submap_from_base
+    fn map_from_submap(&self, submaps: &[Submap]) -> Pose2 {
+        submaps.get(self.submap_idx).map_or(Pose2::IDENTITY, |s| s.map_from_submap)
+    }
+
+    /// Where it was matched.
+    pub(super) fn map_from_base(&self, submaps: &[Submap]) -> Pose2 {
+        self.map_from_submap(submaps) * self.submap_from_base
+    }
+
+    /// Where it lies by all that is known.
+    fn map_from_smoothed(&self, submaps: &[Submap]) -> Pose2 {
+        self.map_from_submap(submaps) * self.smoothed.unwrap_or(self.submap_from_base)
+    }
+
+    /// It lies here by all that was seen.
+    pub(super) fn move_to(&mut self, map_from_base: &Pose2, submaps: &[Submap]) {
+        self.smoothed = Some(self.map_from_submap(submaps).inverse() * *map_from_base);
+    }
+
+    pub(super) fn submap_idx(&self) -> usize {
+        self.submap_idx
+    }
+
+    pub(super) fn told(&self) -> Option<Pose2> {
+        self.told
     }
 }
 
@@ -60,6 +101,7 @@ pub(super) struct Drawing {
     /// Where the robot began, and its radius, metres.
     start: (Point2, f64),
     kept: Vec<Keyframe>,
+    n_ever: u64,
     mapper: BaseMapper,
     /// A map that is being drawn anew, and how many kept scans are in it.
     coming: Option<(BaseMapper, usize)>,
@@ -76,6 +118,7 @@ impl Drawing {
             base_from_lidar,
             start,
             kept: Vec::new(),
+            n_ever: 0,
             mapper,
             coming: None,
             is_coming_old: false,
@@ -110,7 +153,41 @@ impl Drawing {
                 self.draw_anew();
             }
         }
-        self.kept.push(keyframe);
+        self.n_ever += 1;
+        self.kept.push(Keyframe { nth: self.n_ever, ..keyframe });
+    }
+
+    /// Number of scans that were ever kept: which one was the last.
+    pub(super) fn n_ever(&self) -> u64 {
+        self.n_ever
+    }
+
+    /// Where a pose lies by what was seen later that was matched at `map_from_base` when `nth` scans had been
+    /// kept: it moves as the kept scans before and after it did, the nearer one more.
+    pub(super) fn moved(&self, map_from_base: Pose2, nth: u64, submaps: &[Submap]) -> Pose2 {
+        let after = self.kept.partition_point(|keyframe| keyframe.nth <= nth);
+        let near = |idx: Option<usize>| {
+            let keyframe = idx.and_then(|idx| self.kept.get(idx))?;
+            keyframe.smoothed?;
+            let off = keyframe.map_from_base(submaps).inverse() * map_from_base;
+            let far = off.position().coords.norm() + off.yaw_rad.abs();
+            Some((far, keyframe.map_from_smoothed(submaps) * off))
+        };
+        let Some((far_before, before)) = near(after.checked_sub(1)) else { return map_from_base };
+        let (far_after, after) = near(Some(after)).unwrap_or((f64::INFINITY, before));
+        let share = if far_before > 0.0 { far_before / (far_before + far_after) } else { 0.0 };
+        Pose2::new(
+            before.x_m + share * (after.x_m - before.x_m),
+            before.y_m + share * (after.y_m - before.y_m),
+            before.yaw_rad + share * wrapped(after.yaw_rad - before.yaw_rad),
+        )
+    }
+
+    /// Moves the kept scans to where all that was seen says they were taken.
+    pub(super) fn smooth(&mut self, submaps: &[Submap], torn: &[usize], config: &SlamConfig) {
+        let cloud_of =
+            |keyframe: &Keyframe| Cloud::of_scan(&keyframe.scan(), self.base_from_lidar, config.range_used_m);
+        smoothing::smooth(&mut self.kept, submaps, torn, config.cell_m, cloud_of);
     }
 
     /// The surfaces that the scan kept last shows, in its base.
@@ -168,5 +245,5 @@ fn draw(
     base_from_lidar: Pose2,
     submaps: &[Submap],
 ) -> Result<(), BaseMapError> {
-    mapper.integrate(&keyframe.scan(), keyframe.map_from_base(submaps) * base_from_lidar)
+    mapper.integrate(&keyframe.scan(), keyframe.map_from_smoothed(submaps) * base_from_lidar)
 }

@@ -47,6 +47,8 @@ pub(crate) struct Followed {
     pub(crate) pose: Pose2,
     /// Share of the scan on surfaces.
     pub(crate) inlier_share: f64,
+    /// Of the points that say anything, the share that speaks for the place.
+    pub(crate) share: f64,
     /// Scan and map agree there.
     pub(crate) is_good: bool,
     /// How well surfaces tell the motion: variance along the way (m²), of the heading (rad²), and aside (m²).
@@ -72,6 +74,7 @@ pub(crate) fn follow(
         Followed {
             pose,
             inlier_share: candidate.found.inlier_share,
+            share: candidate.evidence.share(),
             is_good,
             variance: variance_of(&candidate.found.information, last, &pose),
         }

@@ -43,12 +43,29 @@ pub(super) struct Constraint {
 impl Constraint {
     /// A sub-map found in another one.
     pub(super) fn of_match(from: usize, to: usize, found: &Match) -> Self {
-        // No better than the best, and where the surfaces do not tell, as little as they do.
-        let best = diagonal(LOOP_SHIFT_M, LOOP_TURN_RAD);
+        Constraint::no_better_than(from, to, found, (LOOP_SHIFT_M, LOOP_TURN_RAD))
+    }
+
+    /// One found in another; no better than the deviations `best`, metres and radians, and where the surfaces do
+    /// not tell, as little as they do.
+    pub(super) fn no_better_than(from: usize, to: usize, found: &Match, best: (f64, f64)) -> Self {
+        let best = diagonal(best.0, best.1);
         let told = found.information + Matrix3::identity() * 1e-3;
         let both = best.try_inverse().and_then(|b| told.try_inverse().map(|t| b + t));
         let information = both.and_then(|covariance| covariance.try_inverse()).unwrap_or(best);
         Constraint { from, to, from_from_to: found.map_from_scan, information, is_loop: true }
+    }
+
+    /// One somewhere around a place in another; deviations in metres and radians.
+    pub(super) fn loose(from: usize, to: usize, from_from_to: Pose2, off: (f64, f64)) -> Self {
+        Constraint { from, to, from_from_to, information: diagonal(off.0, off.1), is_loop: false }
+    }
+
+    /// One where odometry tells; deviations along and aside in metres, turned in radians. Wheels spin and robots
+    /// are carried: what is far off counts less, as a loop does.
+    pub(super) fn told(from: usize, to: usize, from_from_to: Pose2, deviations: [f64; 3]) -> Self {
+        let information = Matrix3::from_diagonal(&Vector3::from(deviations.map(|d| d.powi(-2))));
+        Constraint { from, to, from_from_to, information, is_loop: true }
     }
 
     /// Error and its derivatives by the two poses.
@@ -85,14 +102,12 @@ impl Graph {
 
     /// `to` was begun at a known place in `from`.
     pub(super) fn tie(&mut self, from: usize, to: usize, from_from_to: Pose2) {
-        let information = diagonal(CHAIN_SHIFT_M, CHAIN_TURN_RAD);
-        self.constraints.push(Constraint { from, to, from_from_to, information, is_loop: false });
+        self.constraints.push(Constraint::loose(from, to, from_from_to, (CHAIN_SHIFT_M, CHAIN_TURN_RAD)));
     }
 
     /// `to` was begun somewhere around a place in `from`; deviations in metres and radians.
     pub(super) fn tie_loosely(&mut self, from: usize, to: usize, from_from_to: Pose2, off: (f64, f64)) {
-        let information = diagonal(off.0, off.1);
-        self.constraints.push(Constraint { from, to, from_from_to, information, is_loop: false });
+        self.constraints.push(Constraint::loose(from, to, from_from_to, off));
     }
 
     /// `to` was found in another one: the guess by which it was tied to `from` is let go.
@@ -137,7 +152,7 @@ fn diagonal(shift_m: f64, turn_rad: f64) -> Matrix3<f64> {
 }
 
 /// Gauss–Newton; the first pose stays.
-fn optimise(constraints: &[Constraint], poses: &mut [Pose2]) {
+pub(super) fn optimise(constraints: &[Constraint], poses: &mut [Pose2]) {
     for _ in 0..N_STEPS_MAX {
         let system = System::at(constraints, poses);
         let step = system.solve();

@@ -57,7 +57,8 @@ impl Slam {
                 return false;
             }
         }
-        let keyframe = Keyframe::new(scan, self.present, self.present_from_base);
+        let keyframe = Keyframe::new(scan, self.present, self.present_from_base, self.told.take());
+        self.told = Some(Pose2::IDENTITY);
         self.drawing.add(keyframe, &self.submaps);
         let map_from_base = self.map_from_base();
         for submap in &mut self.submaps[self.present..] {

@@ -24,6 +24,32 @@ pub(crate) struct Place {
     pub(crate) part: usize,
 }
 
+impl Place {
+    fn is_other(&self, place: &Place) -> bool {
+        let off = self.map_from_base.inverse() * place.map_from_base;
+        off.position().coords.norm() > SAME_SHIFT_M || off.yaw_rad.abs() > SAME_TURN_RAD
+    }
+
+    /// Whether it is better than any other of places with the best first.
+    fn stands_out(&self, places: &[Place]) -> bool {
+        let other = places.iter().find(|place| self.is_other(place));
+        self.score >= other.map_or(f64::NEG_INFINITY, |place| place.score) + MARGIN
+    }
+}
+
+/// What a look at all parts of a map says of the place where the robot seems to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Verdict {
+    /// Not all parts have been looked at.
+    NotYet,
+    /// No other place fits better.
+    Here,
+    /// One other place does, and stands out.
+    There(Place),
+    /// Several do.
+    Unknown,
+}
+
 /// One look at all parts of a map.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sweep {
@@ -62,12 +88,27 @@ impl Sweep {
         }
         let sweep = std::mem::take(self);
         let best = *sweep.places.first()?;
-        let is_other = |place: &&Place| {
-            let off = best.map_from_base.inverse() * place.map_from_base;
-            off.position().coords.norm() > SAME_SHIFT_M || off.yaw_rad.abs() > SAME_TURN_RAD
-        };
-        let other = sweep.places.iter().find(is_other).map_or(f64::NEG_INFINITY, |place| place.score);
-        (best.score >= other + MARGIN).then_some(best)
+        best.stands_out(&sweep.places).then_some(best)
+    }
+
+    /// When all parts have been looked at: whether the place `here`, where the robot seems to be, is the one;
+    /// and all is forgotten.
+    pub(crate) fn compare(&mut self, here: &Place, n_parts: usize) -> Verdict {
+        if self.n_looked < n_parts {
+            return Verdict::NotYet;
+        }
+        let mut places = std::mem::take(self).places;
+        places.retain(|place| here.is_other(place));
+        match places.first() {
+            Some(best) if best.score >= here.score + MARGIN => {
+                if best.stands_out(&places) {
+                    Verdict::There(*best)
+                } else {
+                    Verdict::Unknown
+                }
+            }
+            _ => Verdict::Here,
+        }
     }
 }
 
@@ -99,5 +140,20 @@ mod tests {
         sweep.look(0, Pose2::IDENTITY, &[at(1.0, 0.9)]);
         sweep.look(1, Pose2::new(10.0, 0.0, 0.0), &[at(0.0, 0.85)]);
         assert_eq!(sweep.decide(2), None, "one of two twins was taken");
+    }
+    #[test]
+    fn a_place_is_left_for_one_that_fits_better_and_for_none_of_twins() {
+        let compared = |found: &[Candidate], here_score: f64| {
+            let mut sweep = Sweep::default();
+            sweep.look(0, Pose2::IDENTITY, found);
+            let here = Place { map_from_base: Pose2::new(5.0, 0.0, 0.0), score: here_score, part: 0 };
+            sweep.compare(&here, 1)
+        };
+        let there = Place { map_from_base: Pose2::new(1.0, 0.0, 0.0), score: 0.9, part: 0 };
+        assert_eq!(compared(&[at(5.1, 0.95), at(1.0, 0.9)], 0.85), Verdict::Here);
+        assert_eq!(compared(&[at(5.1, 0.5), at(1.0, 0.9)], 0.5), Verdict::There(there));
+        assert_eq!(compared(&[at(1.0, 0.9), at(9.0, 0.85)], 0.5), Verdict::Unknown);
+        assert_eq!(compared(&[], 0.5), Verdict::Here);
+        assert_eq!(Sweep::default().compare(&there, 1), Verdict::NotYet);
     }
 }

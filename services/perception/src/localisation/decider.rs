@@ -18,6 +18,8 @@ use super::pose_source::PoseSource;
 const MAP_PERIOD: Duration = Duration::from_secs(1);
 /// What is told while the pose is not known.
 const LOST: &str = "lost: scans do not fit the map";
+/// What is told while it is in doubt.
+const UNCERTAIN: &str = "uncertain: scans fit the map worse than they did";
 /// No scan for this long is told.
 const SILENCE_MAX: Duration = Duration::from_secs(1);
 
@@ -57,7 +59,7 @@ pub struct Decider {
     last_left_out: String,
     map_sent: Option<Time>,
     taken_in: Option<Time>,
-    is_lost: bool,
+    standing: Standing,
     trouble: String,
 }
 
@@ -83,7 +85,7 @@ impl Decider {
             last_left_out: String::new(),
             map_sent: None,
             taken_in: None,
-            is_lost: false,
+            standing: Standing::Good,
             trouble: String::new(),
         }
     }
@@ -151,13 +153,14 @@ impl Decider {
         };
         self.newest_scan = scan.header;
         self.taken_in = Some(now);
-        self.is_lost = estimate.standing == Standing::Lost;
+        self.standing = estimate.standing;
         if estimate.is_new_map {
             // Told at once.
             self.map_sent = None;
         }
-        if self.is_lost {
-            // A pose that is not known is not told: whoever needs one stops for want of it.
+        if self.standing != Standing::Good {
+            // A pose that is not known, or in doubt, is not told: whoever needs one goes on by odometry from the last
+            // that was, and stops for want of one when that grows old.
             return;
         }
         self.n_poses += 1;
@@ -190,7 +193,11 @@ impl Decider {
     fn tell_trouble(&mut self, now: Time, outputs: &mut Vec<Output>) {
         let silence = now.since(self.taken_in.unwrap_or(Time::ZERO));
         let trouble = if silence < SILENCE_MAX {
-            if self.is_lost { LOST.to_owned() } else { String::new() }
+            match self.standing {
+                Standing::Good => String::new(),
+                Standing::Uncertain => UNCERTAIN.to_owned(),
+                Standing::Lost => LOST.to_owned(),
+            }
         } else if self.last_left_out.is_empty() {
             "no scan".to_owned()
         } else {

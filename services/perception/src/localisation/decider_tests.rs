@@ -276,6 +276,31 @@ fn in_a_saved_map_the_robot_is_found_and_stays_found_though_wheels_drift() {
 }
 
 #[test]
+fn in_a_saved_map_a_robot_that_was_carried_off_tells_no_wrong_pose() {
+    let settings =
+        Settings { pose: PoseBy::Localise, map: Some("room.yaml".into()), ..slam([-1.0, -0.5, 0.3]) };
+    let mut bench = Bench::with(settings, Some(drawn_room()));
+    bench.twist = Twist { speed_m_s: 0.5, yaw_rate_rad_s: 0.8 };
+    bench.drive(8.0);
+    assert_eq!(bench.poses.len(), 80, "{:?}", bench.troubles);
+    bench.twist = Twist::default();
+    let carried = Pose2::new(0.5, 1.2, 2.5);
+    // The wheels do not hear of it.
+    bench.world_from_odom = carried * bench.world_from_base.inverse() * bench.world_from_odom;
+    bench.world_from_base = carried;
+    bench.drive(5.0);
+    let is_said = |words: &String| words.contains("uncertain") || words.contains("lost");
+    assert!(bench.troubles.iter().any(is_said), "{:?}", bench.troubles);
+    for pose in &bench.poses[80..] {
+        let off = pose.map_from_odom.inverse() * bench.world_from_odom;
+        let off_m = (pose.map_from_odom.transform(geometry::Point2::origin())
+            - bench.world_from_odom.transform(geometry::Point2::origin()))
+        .norm();
+        assert!(off_m < 0.15 && off.yaw_rad.abs() < 0.03, "told, and {off_m} m, {} rad off", off.yaw_rad);
+    }
+}
+
+#[test]
 fn without_the_saved_map_no_pose_is_told() {
     let settings = Settings { pose: PoseBy::Localise, map: Some("room.yaml".into()), ..Settings::default() };
     let mut bench = Bench::with(settings, None);
