@@ -90,37 +90,48 @@ pub(crate) struct Sampled<'a> {
 /// Rolls `n` lanes out; what each keeps goes to `kept_m`, to the rounding of f32 and of the words.
 ///
 /// `FULL` finishes every rollout and reads the words at every step. Otherwise steps are skipped where the words
-/// cannot matter, and a pass ends as soon as no lane keeps more than `floor_m`; its values then are bounds from
-/// above that lie at or below `floor_m`.
+/// cannot matter, lanes that keep no more than `floor_m` are followed no further, and a pass ends as soon as only
+/// a few keep more. What it returns is whether there were none: else the values above `floor_m` may be bounds
+/// from above.
 pub(crate) struct Sweep<'a, M: Model, const FULL: bool> {
     pub model: M,
     pub ground: Ground<'a>,
     pub from: From,
     pub sampled: Sampled<'a>,
     pub n: usize,
+    /// Lanes that are not to be followed, being known; theirs is negative infinity. None when `FULL`.
+    pub known: [Option<usize>; 2],
     pub floor_m: f32,
     pub kept_m: &'a mut [f32],
 }
 
 impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
-    type Output = ();
+    type Output = bool;
     #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        let Sweep { model, ground, from, sampled, n: n_all, floor_m, kept_m } = self;
+    fn run<const FUSED: bool>(self) -> bool {
+        let Sweep { model, ground, from, sampled, n: n_all, known, floor_m, kept_m } = self;
+        let mut is_complete = true;
         let Sampled { held, draws: [turn_draws, gain_draws], n_lanes, scale, limit } = sampled;
         for first in (0..n_all).step_by(N) {
             let n = (n_all - first).min(N);
             let mut pass = Pass::at(from, n.next_multiple_of(N_VECTOR).min(N));
+            if !FULL {
+                pass.kept_m[n..].fill(f32::NEG_INFINITY);
+                for lane in known.into_iter().flatten().filter(|lane| (first..first + n).contains(lane)) {
+                    pass.kept_m[lane - first] = f32::NEG_INFINITY;
+                }
+            }
             for (step, held) in held.iter().enumerate() {
                 let at = step * n_lanes + first;
                 let draws = [&turn_draws[at..at + pass.n], &gain_draws[at..at + pass.n]];
                 pass.advance::<M, FUSED>(model, &ground, draws, *held, scale, limit);
                 if !FULL {
-                    let state = pass.room(ground.slope_m, floor_m);
-                    if state & ALIVE == 0 {
+                    let (n_alive, reads) = pass.room(ground.slope_m, floor_m);
+                    if n_alive <= N_FEW {
+                        is_complete &= n_alive == 0;
                         break;
                     }
-                    if state & READS == 0 {
+                    if reads == 0 {
                         continue;
                     }
                 }
@@ -131,13 +142,12 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
             }
             kept_m[first..first + n].copy_from_slice(&pass.kept_m[..n]);
         }
+        is_complete
     }
 }
 
-/// Some lane still keeps more than the floor.
-const ALIVE: u32 = 1;
-/// Some such lane may be lowered by what the words say here.
-const READS: u32 = 2;
+/// So few lanes that matter are followed exactly in less time than a pass takes to its end.
+const N_FEW: u32 = 3;
 
 /// The lanes of one pass.
 struct Pass {
@@ -212,9 +222,10 @@ impl Pass {
         place_lanes(n, ground, &mut self.share_x, &mut self.share_y, &mut self.cell_idx, &self.x, &self.y);
     }
 
-    /// Lowers what lanes keep to what their controls leave; what is to be done about the rest.
+    /// Lowers what lanes keep to what their controls leave; how many still keep more than the floor, and
+    /// whether any of these may be lowered by what the words say here (not 0).
     #[inline(always)]
-    fn room(&mut self, slope_m: f32, floor_m: f32) -> u32 {
+    fn room(&mut self, slope_m: f32, floor_m: f32) -> (u32, u32) {
         room_lanes(
             self.n.min(N),
             &mut self.room_m,
@@ -248,7 +259,7 @@ impl Pass {
             &mut self.kept_m,
             &mut self.room_m,
             &mut self.ridge,
-            &self.bound_m,
+            (&self.bound_m, &self.moved),
             (&self.clear, &self.slow),
             &self.share_x,
             &self.share_y,
@@ -356,18 +367,18 @@ fn room_lanes(
     bound_m: &[f32; N],
     slope_m: f32,
     floor_m: f32,
-) -> u32 {
-    let mut state = 0;
+) -> (u32, u32) {
+    let (mut n_alive, mut reads) = (0_u32, 0);
     for lane in 0..n {
         let room = room_m[lane] - slope_m * moved[lane] - 1e-6;
         room_m[lane] = room;
         let kept = least(kept_m[lane], bound_m[lane]);
         kept_m[lane] = kept;
         let is_alive = kept > floor_m;
-        state |= if is_alive { ALIVE } else { 0 };
-        state |= if is_alive & (room < kept) { READS } else { 0 };
+        n_alive = n_alive.wrapping_add(if is_alive { 1 } else { 0 });
+        reads |= if is_alive & (room < kept) { 1 } else { 0 };
     }
-    state
+    (n_alive, reads)
 }
 
 #[inline(always)]
@@ -378,7 +389,7 @@ fn judge_lanes<M: Model, const FUSED: bool>(
     kept_m: &mut [f32; N],
     room_m: &mut [f32; N],
     ridge: &mut [u32; N],
-    bound_m: &[f32; N],
+    (bound_m, moved): (&[f32; N], &[f32; N]),
     (clear, slow): (&[u32; N], &[u32; N]),
     share_x: &[f32; N],
     share_y: &[f32; N],
@@ -395,10 +406,13 @@ fn judge_lanes<M: Model, const FUSED: bool>(
         let kept = least(kept_m[lane], bound_m[lane]);
         room_m[lane] = least(clear_m, slow_m);
         let lowers = if worth_m < kept { 1 } else { 0 };
-        let is_ridge = (clear >> 31) & lowers;
-        ridge[lane] = is_ridge;
-        ridges |= is_ridge;
-        kept_m[lane] = if is_ridge != 0 { kept } else { least(kept, worth_m) };
+        let is_ridge = clear >> 31;
+        // Who has not moved has asked here before (the start's margin caps all).
+        let asks = is_ridge & lowers & if moved[lane] > 0.0 { 1 } else { 0 };
+        ridge[lane] = asks;
+        ridges |= asks;
+        let settled_m = if is_ridge != 0 { f32::INFINITY } else { clear_m };
+        kept_m[lane] = least(kept, model.worth_m(settled_m, slow_m, speed_m_s[lane]));
     }
     ridges
 }
