@@ -118,7 +118,7 @@ impl<'s> StandardFilter<'s> {
             while let Some(idx) = self.most_promising(most) {
                 let open = &mut self.next[idx];
                 if open.is_begun {
-                    self.scorer.finish(open);
+                    self.scorer.finish(open, most);
                 } else {
                     let pose = open.start.pose;
                     self.scorer.bound::<false>(open, pose, Goal { rival: most, ..EXACT });

@@ -153,18 +153,18 @@ impl<'s> Scorer<'s> {
             self.round::<FULL>(open, round, goal);
         }
         if goal.is_exact && open.low < goal.enough {
-            self.finish(open);
+            self.finish(open, goal.rival);
         }
     }
 
     /// Settles what is left open: the score exactly, or some value below the rival when it is below that.
-    pub(crate) fn finish(&mut self, open: &mut Open) {
+    pub(crate) fn finish(&mut self, open: &mut Open, rival: f64) {
         if open.low >= open.high {
             return;
         }
         if !open.lanes.is_empty() {
             let last = self.sampling.n_rounds.saturating_sub(1);
-            self.settle(open, last, None, f64::INFINITY);
+            self.settle(open, last, None, (f64::INFINITY, rival));
         } else if open.exact > NONE {
             open.know(open.exact);
         } else {
@@ -197,6 +197,11 @@ impl<'s> Scorer<'s> {
         let cap = open.cap;
         let low = if open.lanes.is_empty() { best } else { reach.min(cap).max(best) };
         let high = (most + f64::from(self.error_m)).min(cap).max(best).max(rival.next_down());
+        if low >= cap && !open.lanes.is_empty() {
+            // Some sample keeps the most that any can: no later round can better it, whatever its incumbent is.
+            open.know(cap);
+            return;
+        }
         if is_last && !is_exact && (low >= enough || high < enough) {
             (open.low, open.high, open.exact) = (low, high, hinted.map_or(open.exact, |(value, _)| value));
             return;
@@ -210,9 +215,8 @@ impl<'s> Scorer<'s> {
                 (open.low, open.high, open.exact) = (low, high, NONE);
             }
             [] if hinted.is_none() => open.high = open.high.max(rival.next_down()),
-            _ => self.settle(open, round, hinted, enough),
+            _ => self.settle(open, round, hinted, (enough, rival)),
         }
-        open.high = open.high.max(rival.next_down());
     }
 
     /// What the sample keeps that was the best of this round in the last score, when it is better than what is
@@ -279,13 +283,23 @@ impl<'s> Scorer<'s> {
     /// Rolls out exactly those picked samples that may keep more than what is known; the first of equals is the
     /// next incumbent. `hinted` is a sample that is known, and what it keeps.
     ///
-    /// Over as soon as one keeps `enough`.
-    fn settle(&mut self, open: &mut Open, round: usize, hinted: Option<(f64, usize)>, enough: f64) {
+    /// Over as soon as one keeps `enough`; whoever keeps less than `rival` is left at that.
+    fn settle(
+        &mut self,
+        open: &mut Open,
+        round: usize,
+        hinted: Option<(f64, usize)>,
+        (enough, rival): (f64, f64),
+    ) {
         let Open { kept_m, lanes, incumbent, start, cap, exact, .. } = open;
         let (error, stop) = (f64::from(self.error_m), cap.min(enough));
         let mut best = Found { value: *exact, sample: None };
         if let Some((value, sample)) = hinted {
             best = Found { value, sample: Some(sample) };
+        }
+        let (known, below) = (best.value, rival.next_down());
+        if known < below {
+            best = Found { value: below, sample: None };
         }
         // The most promising first: its exact value rules most of the others out.
         let most = |a: u32, b: u32| if kept_m[b as usize] > kept_m[a as usize] { b } else { a };
@@ -303,6 +317,10 @@ impl<'s> Scorer<'s> {
         if let Some(sample) = best.sample {
             self.hints[round] = Some(sample);
             self.hold(open, round, sample);
+        } else if known < below {
+            (open.low, open.high, open.exact) = (open.low.max(known), below, known);
+            open.lanes.clear();
+            return;
         }
         open.know(best.value);
     }
