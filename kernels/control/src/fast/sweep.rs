@@ -99,6 +99,8 @@ pub(crate) struct Sweep<'a, M: Model, const FULL: bool> {
     pub from: From,
     pub sampled: Sampled<'a>,
     pub n: usize,
+    /// Lanes of a vector.
+    pub n_vector: usize,
     /// Lanes that are not to be followed, being known; theirs is negative infinity. None when `FULL`.
     pub known: [Option<usize>; 2],
     pub floor_m: f32,
@@ -109,12 +111,12 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
     type Output = bool;
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> bool {
-        let Sweep { model, ground, from, sampled, n: n_all, known, floor_m, kept_m } = self;
+        let Sweep { model, ground, from, sampled, n: n_all, n_vector, known, floor_m, kept_m } = self;
         let mut is_complete = true;
         let Sampled { held, draws: [turn_draws, gain_draws], n_lanes, scale, limit } = sampled;
         for first in (0..n_all).step_by(N) {
             let n = (n_all - first).min(N);
-            let mut pass = Pass::at(from, n.next_multiple_of(N_VECTOR).min(N));
+            let mut pass = Pass::at(from, n.next_multiple_of(n_vector).min(N));
             if !FULL {
                 pass.kept_m[n..].fill(f32::NEG_INFINITY);
                 for lane in known.into_iter().flatten().filter(|lane| (first..first + n).contains(lane)) {

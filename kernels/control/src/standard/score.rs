@@ -258,6 +258,7 @@ impl<'s> Scorer<'s> {
             from,
             sampled,
             n: self.sampling.n_samples,
+            n_vector: self.isa.n_floats(),
             known: [incumbent, known],
             floor_m: (floor - f64::from(self.error_m)) as f32,
             kept_m: &mut open.kept_m,
