@@ -138,7 +138,7 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
                     }
                 }
                 pass.load(&ground, n);
-                if pass.judge::<M, FUSED>(model, &ground) != 0 {
+                if pass.judge::<M, FUSED, FULL>(model, &ground, floor_m) != 0 {
                     pass.settle_ridges::<M>(model, &ground, n);
                 }
             }
@@ -254,8 +254,13 @@ impl Pass {
 
     /// Lowers what lanes keep by the margins at their places; not 0 when some lie on a ridge that matters.
     #[inline(always)]
-    fn judge<M: Model, const FUSED: bool>(&mut self, model: M, ground: &Ground<'_>) -> u32 {
-        judge_lanes::<M, FUSED>(
+    fn judge<M: Model, const FUSED: bool, const FULL: bool>(
+        &mut self,
+        model: M,
+        ground: &Ground<'_>,
+        floor_m: f32,
+    ) -> u32 {
+        judge_lanes::<M, FUSED, FULL>(
             self.n.min(N),
             model,
             &mut self.kept_m,
@@ -267,6 +272,7 @@ impl Pass {
             &self.share_y,
             &self.speed_m_s,
             ground.quantum_m,
+            floor_m,
         )
     }
 
@@ -278,6 +284,7 @@ impl Pass {
             let (x, y) = (self.share_x[lane], self.share_y[lane]);
             let clear_m = ridges.ridge_m(self.cell_idx[lane] as usize, (x, y));
             let slow_m = ground.quantum_m[1] * unpacked::<false>(self.slow[lane], x, y);
+            self.room_m[lane] = most(self.room_m[lane], least(clear_m, slow_m));
             let worth_m = model.worth_m(clear_m, slow_m, self.speed_m_s[lane]);
             self.kept_m[lane] = least(self.kept_m[lane], worth_m);
         }
@@ -385,7 +392,7 @@ fn room_lanes(
 
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
-fn judge_lanes<M: Model, const FUSED: bool>(
+fn judge_lanes<M: Model, const FUSED: bool, const FULL: bool>(
     n: usize,
     model: M,
     kept_m: &mut [f32; N],
@@ -397,6 +404,7 @@ fn judge_lanes<M: Model, const FUSED: bool>(
     share_y: &[f32; N],
     speed_m_s: &[f32; N],
     [clear_quantum_m, slow_quantum_m]: [f32; 2],
+    floor_m: f32,
 ) -> u32 {
     let mut ridges = 0;
     for lane in 0..n {
@@ -406,11 +414,16 @@ fn judge_lanes<M: Model, const FUSED: bool>(
         let worth_m = model.worth_m(clear_m, slow_m, speed_m_s[lane]);
         // Not the loaded value itself is chosen from: that would make a masked store, which the next load waits for.
         let kept = least(kept_m[lane], bound_m[lane]);
-        room_m[lane] = least(clear_m, slow_m);
+        let word_m = least(clear_m, slow_m);
+        let room = if FULL { word_m } else { most(word_m, room_m[lane]) };
+        room_m[lane] = room;
         let lowers = if worth_m < kept { 1 } else { 0 };
         let is_ridge = clear >> 31;
         // Who has not moved has asked here before (the start's margin caps all).
-        let asks = is_ridge & lowers & if moved[lane] > 0.0 { 1 } else { 0 };
+        let mut asks = is_ridge & lowers & if moved[lane] > 0.0 { 1 } else { 0 };
+        if !FULL {
+            asks &= if (kept > floor_m) & (room < kept) { 1 } else { 0 };
+        }
         ridge[lane] = asks;
         ridges |= asks;
         let settled_m = if is_ridge != 0 { f32::INFINITY } else { clear_m };

@@ -317,7 +317,10 @@ impl<'s> Scorer<'s> {
         }
         if let Some(sample) = best.sample {
             self.hints[round] = Some(sample);
-            self.hold(open, round, sample);
+            // Nobody asks for the last incumbent.
+            if round + 1 < self.sampling.n_rounds {
+                self.hold(open, round, sample);
+            }
         } else if known < below {
             (open.low, open.high, open.exact) = (open.low.max(known), below, known);
             open.lanes.clear();
