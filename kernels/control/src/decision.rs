@@ -1,5 +1,7 @@
 //! What the filter decided at one tick, and how it says so.
 
+use std::fmt::Write;
+
 use geometry::{Point2, Twist};
 
 use crate::certificate::Breach;
@@ -38,7 +40,7 @@ pub enum Certified {
     /// It does not.
     No {
         /// What is in the way, lower case.
-        why: String,
+        why: &'static str,
     },
 }
 
@@ -91,8 +93,44 @@ pub struct Decision {
     pub words: String,
 }
 
+/// Texts of a decision that was read: room for those of another.
+#[derive(Debug, Default)]
+pub(crate) struct Texts {
+    id: String,
+    label: String,
+    words: String,
+    rule: String,
+}
+
+impl Texts {
+    /// Takes the texts of a decision that nobody reads any more.
+    pub(crate) fn take_back(&mut self, decision: Decision) {
+        self.words = decision.words;
+        if let Action::Recovering { rule: Some(rule) } = decision.action {
+            self.rule = rule;
+        }
+        if let Some(binding) = decision.binding {
+            (self.id, self.label) = (binding.id, binding.label);
+        }
+    }
+}
+
+/// The rule that a robot is on its way back to, when it is a rule that binds.
+pub(crate) fn recovered_rule(texts: &mut Texts, binding: &Binding) -> Option<String> {
+    binding.is_rule.then(|| written(&mut texts.rule, &binding.id))
+}
+
+/// A text in the room of another.
+fn written(room: &mut String, text: &str) -> String {
+    let mut room = std::mem::take(room);
+    room.clear();
+    room.push_str(text);
+    room
+}
+
 /// The binding thing of a breach or of the nearest margin, seen from `place`.
 pub(crate) fn binding(
+    texts: &mut Texts,
     world: &World,
     source: Source,
     breach: Option<Breach>,
@@ -103,9 +141,9 @@ pub(crate) fn binding(
     let (id, label, is_rule, field) = match source {
         Source::Base(idx) => {
             let layer = world.base.get(idx)?;
-            (layer.name.clone(), layer.name.clone(), false, Some(&layer.field))
+            (&*layer.name, &*layer.name, false, Some(&layer.field))
         }
-        Source::Points => ("scan".to_owned(), "an obstacle in the scan".to_owned(), false, None),
+        Source::Points => ("scan", "an obstacle in the scan", false, None),
         Source::Rule(idx) => {
             let rule = world.rules.get(idx)?;
             let field = match &rule.demand {
@@ -116,7 +154,7 @@ pub(crate) fn binding(
                     None
                 }
             };
-            (rule.id.clone(), rule.label.clone(), true, field)
+            (&*rule.id, &*rule.label, true, field)
         }
     };
     let (margin, unit) = match (breach, field) {
@@ -129,22 +167,25 @@ pub(crate) fn binding(
             (nearest - radius_m, MarginUnit::Metres)
         }
     };
+    let (id, label) = (written(&mut texts.id, id), written(&mut texts.label, label));
     Some(Binding { id, label, is_rule, margin, unit, is_ungrounded })
 }
 
 /// What the operator reads.
-pub(crate) fn words(action: &Action, sent: Twist, nominal: Twist, binding: Option<&Binding>) -> String {
+pub(crate) fn words(
+    texts: &mut Texts,
+    action: &Action,
+    sent: Twist,
+    nominal: Twist,
+    binding: Option<&Binding>,
+) -> String {
+    let mut words = written(&mut texts.words, "");
     if let Some(b) = binding.filter(|b| b.is_ungrounded && *action != Action::Passed) {
-        return format!("looking for {}, going slowly", b.label);
+        words.extend(["looking for ", &b.label, ", going slowly"]);
+        return words;
     }
-    let near = binding.map(|b| match b.unit {
-        MarginUnit::Metres if b.margin >= 0.1 => format!("{:.1} m from {}", b.margin, b.label),
-        MarginUnit::Metres if b.margin > 0.0 => format!("{:.0} cm from {}", 100.0 * b.margin, b.label),
-        MarginUnit::Metres => format!("at {}", b.label),
-        _ => format!("limit for {}", b.label),
-    });
-    let verb = match action {
-        Action::Passed => return "as asked".to_owned(),
+    words.push_str(match action {
+        Action::Passed => "as asked",
         Action::Recovering { rule: Some(_) } => "recovering",
         Action::Recovering { rule: None } => "moving clear",
         Action::Unfreezing => "stuck, turning to where there is room",
@@ -159,6 +200,16 @@ pub(crate) fn words(action: &Action, sent: Twist, nominal: Twist, binding: Optio
                 "steered"
             }
         }
-    };
-    near.map_or_else(|| verb.to_owned(), |near| format!("{verb}: {near}"))
+    });
+    if let Some(b) = binding.filter(|_| *action != Action::Passed) {
+        let (margin, label) = (b.margin, &b.label);
+        let near = match b.unit {
+            MarginUnit::Metres if margin >= 0.1 => write!(words, ": {margin:.1} m from {label}"),
+            MarginUnit::Metres if margin > 0.0 => write!(words, ": {:.0} cm from {label}", 100.0 * margin),
+            MarginUnit::Metres => write!(words, ": at {label}"),
+            _ => write!(words, ": limit for {label}"),
+        };
+        debug_assert!(near.is_ok(), "a string takes every text");
+    }
+    words
 }

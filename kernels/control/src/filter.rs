@@ -12,7 +12,7 @@ use std::time::Duration;
 use geometry::{Profile, Twist};
 
 use crate::config::{ConfigError, FilterConfig, Method};
-use crate::decision::{Action, Certified, Decision, binding, words};
+use crate::decision::{Action, Certified, Decision, Texts, binding, recovered_rule, words};
 use crate::dynamics::{Control, Limits, State};
 use crate::exit::ExitMap;
 use crate::fast::Isa;
@@ -20,10 +20,10 @@ use crate::latency::OnTheWay;
 use crate::margin::{Demand, World};
 use crate::noise::Noise;
 use crate::paper_literal::PaperLiteral;
-use crate::plan::Plan;
+use crate::plan::{Plan, Sample};
 use crate::points::PointIndex;
 use crate::primitives::deviation;
-use crate::scene::{Assumptions, Scene};
+use crate::scene::{Assumptions, Scene, Spare};
 use crate::score::{Best, Search};
 use crate::unfreeze::Unfreeze;
 
@@ -63,8 +63,32 @@ pub struct Filter {
     noise: Noise,
     best: Best,
     continued: Best,
-    /// Indices of points that are not in use.
-    spare: Vec<PointIndex>,
+    room: Room,
+}
+
+/// What one tick leaves to the next, so that nothing is allocated.
+#[derive(Debug, Default)]
+struct Room {
+    scene: Spare,
+    texts: Texts,
+    /// Of plans that are no more.
+    plans: Vec<Vec<Sample>>,
+    /// Sequences that a search begins with.
+    warm: [Vec<Control>; 2],
+    after: Vec<Control>,
+    controls: Vec<Control>,
+    primitives: Vec<Control>,
+}
+
+/// Most plans whose room is kept: those of one tick.
+const N_PLANS_KEPT: usize = 8;
+
+impl Room {
+    fn keep(&mut self, plan: Option<Plan>) {
+        if let Some(plan) = plan.filter(|_| self.plans.len() < N_PLANS_KEPT) {
+            self.plans.push(plan.into_room());
+        }
+    }
 }
 
 /// The ways out of the zones that the robot stands in, kept for some ticks.
@@ -111,7 +135,7 @@ impl Filter {
             noise: Noise::default(),
             best: Best::default(),
             continued: Best::default(),
-            spare: Vec::new(),
+            room: Room { plans: Vec::with_capacity(N_PLANS_KEPT), ..Room::default() },
         })
     }
 
@@ -120,7 +144,7 @@ impl Filter {
     #[must_use]
     pub fn on(mut self, isa: Isa) -> Filter {
         self.noise = Noise::on(isa);
-        self.spare = vec![PointIndex::on(isa)];
+        self.room.scene.points = vec![PointIndex::on(isa)];
         self
     }
 
@@ -154,7 +178,7 @@ impl Filter {
         self.remember_where_told(world, start);
         let told_inside = std::mem::take(&mut self.told_inside);
         let stands_still = |id: &str| told_inside.get(id).copied().unwrap_or(false);
-        let mut scene = Scene::with(world, start, self.assumptions, &stands_still, &mut self.spare);
+        let mut scene = Scene::with(world, start, self.assumptions, &stands_still, &mut self.room.scene);
         let wanted = limits.control_towards(start.speed_m_s, nominal, self.config.step_s);
 
         let choice = match self.config.method {
@@ -166,8 +190,14 @@ impl Filter {
             _ => self.choose(&mut scene, nominal, wanted),
         };
         self.told_inside = told_inside;
-        scene.leave(&mut self.spare);
+        scene.leave(&mut self.room.scene);
         self.decide(choice, world, start, nominal, wanted)
+    }
+
+    /// Takes a decision back that nobody reads any more: the next one is written in its room, and a tick that chooses
+    /// among certified plans then allocates nothing.
+    pub fn take_back(&mut self, decision: Decision) {
+        self.room.texts.take_back(decision);
     }
 
     /// What is left of the stored plan: sent when no decision can be made in time.
@@ -215,21 +245,23 @@ impl Filter {
             command = nominal;
         }
         let held_by = held_by.and_then(|(source, breach)| {
-            binding(world, source, breach, start.position(), self.assumptions.radius_m)
+            let radius_m = self.assumptions.radius_m;
+            binding(&mut self.room.texts, world, source, breach, start.position(), radius_m)
         });
         if let (Action::Recovering { rule }, Some(held_by)) = (&mut action, &held_by) {
-            *rule = held_by.is_rule.then(|| held_by.id.clone());
+            *rule = recovered_rule(&mut self.room.texts, held_by);
         }
         let deviation = if action == Action::Passed { 0.0 } else { deviation(sent, wanted, &limits) };
-        let words = words(&action, command, nominal, held_by.as_ref());
-        self.plan = Some(plan);
+        let words = words(&mut self.room.texts, &action, command, nominal, held_by.as_ref());
+        let last = self.plan.replace(plan);
+        self.room.keep(last);
         let command = self.send(command);
         let (v_safe_m, v_sent_m) = (v_safe_m.clamp(-FAR_M, FAR_M), v_sent_m.clamp(-FAR_M, FAR_M));
         Decision { command, action, v_safe_m, v_sent_m, binding: held_by, certified, deviation, words }
     }
 
     /// A braking decision, for an input that cannot be used.
-    fn braking(&mut self, elapsed: Duration, why: &str) -> Decision {
+    fn braking(&mut self, elapsed: Duration, why: &'static str) -> Decision {
         let command = scaled(self.last_command, self.ramped_down(elapsed).speed_m_s);
         self.forget_plans();
         let command = self.send(command);
@@ -239,7 +271,7 @@ impl Filter {
             v_safe_m: 0.0,
             v_sent_m: 0.0,
             binding: None,
-            certified: Certified::No { why: why.to_owned() },
+            certified: Certified::No { why },
             deviation: 0.0,
             words: format!("braking: {why}"),
         }

@@ -74,7 +74,13 @@ impl Noise {
         while self.n_drawn < n_rounds && (self.n_drawn + 1) * n_round <= self.first.len() && n_round > 0 {
             let range = self.n_drawn * n_round..(self.n_drawn + 1) * n_round;
             let (first, second) = (&mut self.first[range.clone()], &mut self.second[range.clone()]);
-            normal::fill(self.isa, self.key, range.start as u32, first, second);
+            // Whole vectors; the rest of a step's room belongs to no sample.
+            let (n_lanes, n) = (padded(self.n_samples), self.n_samples.next_multiple_of(self.isa.n_floats()));
+            let steps = first.chunks_exact_mut(n_lanes).zip(second.chunks_exact_mut(n_lanes));
+            for (step, (first, second)) in steps.enumerate() {
+                let from = (range.start + step * n_lanes) as u32;
+                normal::fill(self.isa, self.key, from, &mut first[..n], &mut second[..n]);
+            }
             if self.keeps_incumbent {
                 for step in 0..self.n_steps {
                     let at = step * padded(self.n_samples);

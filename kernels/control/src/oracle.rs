@@ -202,8 +202,11 @@ pub(crate) fn first_control(
     let limits: Limits = a.limits;
     // The rules' limits are the library's range; told apart from the search, they are read off the scene.
     let in_force = crate::scene::Scene::of(world, start, *a, &|_| false).limits_in_force();
-    let library =
-        if is_blending { primitives(nominal, capped, &limits, &in_force) } else { vec![nominal, capped] };
+    let library = if is_blending {
+        primitives(nominal, capped, &limits, &in_force, Vec::new())
+    } else {
+        vec![nominal, capped]
+    };
     let tail = |n: usize| {
         let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2: -limits.accel_m_s2_max };
         safest.iter().copied().chain(std::iter::repeat_n(braking, n)).skip(1).collect::<Vec<_>>()

@@ -73,7 +73,7 @@ impl PaperLiteral {
             action,
             v_safe_m: v_safe,
             v_sent_m: v_sent,
-            certified: Certified::No { why: "the paper's filter has no certificate".into() },
+            certified: Certified::No { why: "the paper's filter has no certificate" },
             held_by: None,
         }
     }

@@ -37,9 +37,22 @@ impl Plan {
     /// Without the tail a plan may end moving, and is then never certified.
     #[must_use]
     pub fn roll(start: State, controls: &[Control], step_s: f64, limits: &Limits, tail: bool) -> Plan {
-        let first = Sample { state: start, yaw_rate_rad_s: 0.0, moving_s: 0.0, path_m: 0.0 };
-        let mut plan = Plan { samples: Vec::with_capacity(controls.len() + 32), step_s, at_s: 0.0 };
-        plan.samples.push(first);
+        Plan::roll_into(Vec::new(), start, controls, step_s, limits, tail)
+    }
+
+    /// The same in the room of a plan that is no more.
+    pub(crate) fn roll_into(
+        mut samples: Vec<Sample>,
+        start: State,
+        controls: &[Control],
+        step_s: f64,
+        limits: &Limits,
+        tail: bool,
+    ) -> Plan {
+        samples.clear();
+        samples.reserve(controls.len() + 32);
+        samples.push(Sample { state: start, yaw_rate_rad_s: 0.0, moving_s: 0.0, path_m: 0.0 });
+        let mut plan = Plan { samples, step_s, at_s: 0.0 };
         for &control in controls {
             plan.push(control, limits);
         }
@@ -69,6 +82,18 @@ impl Plan {
     #[must_use]
     pub fn samples(&self) -> &[Sample] {
         &self.samples
+    }
+
+    /// Room for another plan.
+    pub(crate) fn into_room(self) -> Vec<Sample> {
+        self.samples
+    }
+
+    /// A copy in the room of a plan that is no more.
+    pub(crate) fn copied_into(&self, mut samples: Vec<Sample>) -> Plan {
+        samples.clear();
+        samples.extend_from_slice(&self.samples);
+        Plan { samples, ..*self }
     }
 
     /// The samples of what is not past, the straddled segment's start first.

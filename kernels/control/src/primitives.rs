@@ -12,16 +12,18 @@ const SHARES: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 ///
 /// `capped` is the nominal control held to the limits now in force, whose turn rate is the range of the grid:
 /// where no more than 0.4 rad/s is allowed, half of 1 rad/s is of no use. Distance is Euclidean in (ω, a),
-/// each scaled by the robot's own limit.
+/// each scaled by the robot's own limit. They take the place of what is in `all`.
 pub(crate) fn primitives(
     nominal: Control,
     capped: Control,
     limits: &Limits,
     in_force: &Limits,
+    mut all: Vec<Control>,
 ) -> Vec<Control> {
     let (rate_max, accel_max) = (in_force.yaw_rate_rad_s_max, limits.accel_m_s2_max);
     let control = |yaw_rate_rad_s, accel_m_s2| Control { yaw_rate_rad_s, accel_m_s2 };
-    let mut all = vec![nominal, capped];
+    all.clear();
+    all.extend([nominal, capped]);
     for rate in SHARES {
         all.extend(SHARES.map(|accel| control(rate * rate_max, accel * accel_max)));
     }
@@ -50,7 +52,7 @@ mod tests {
     fn the_nominal_control_is_first_and_full_braking_is_there() {
         let limits = Limits::of(&Profile::sim());
         let nominal = Control { yaw_rate_rad_s: 0.3, accel_m_s2: 2.0 };
-        let all = primitives(nominal, nominal, &limits, &limits);
+        let all = primitives(nominal, nominal, &limits, &limits, Vec::new());
         assert_eq!(all[0], nominal);
         assert!(all.contains(&Control { yaw_rate_rad_s: 0.0, accel_m_s2: -3.0 }));
         assert!(

@@ -58,7 +58,7 @@ pub(crate) fn least_harm(scene: &Scene<'_>, exits: Option<&ExitMap>, kept: Optio
     let judge = Judge::new(scene, exits);
     let mut ranking = Ranking { judge, best: None, controls: Vec::new() };
     if let Some(kept) = kept {
-        ranking.consider(remaining_controls(kept).iter().copied(), UNDER_WAY_FAVOUR);
+        ranking.consider(remaining_controls(kept), UNDER_WAY_FAVOUR);
     }
     consider_candidates(scene, exits, &mut ranking);
     let Assumptions { limits, step_s, .. } = scene.assumptions;
@@ -88,9 +88,9 @@ impl Ranking<'_, '_> {
 }
 
 /// What is left of a plan, resampled from this moment.
-pub(crate) fn remaining_controls(plan: &Plan) -> Vec<Control> {
+pub(crate) fn remaining_controls(plan: &Plan) -> impl Iterator<Item = Control> + Clone + '_ {
     let n_left = plan.rest().len() - 1;
-    (0..n_left).map(|k| plan.control_at(k as f64 * plan.step_s())).collect()
+    (0..n_left).map(|k| plan.control_at(k as f64 * plan.step_s()))
 }
 
 fn consider_candidates(scene: &Scene<'_>, exits: Option<&ExitMap>, ranking: &mut Ranking<'_, '_>) {

@@ -148,6 +148,20 @@ impl LimitLayer<'_> {
     }
 }
 
+/// What a scene leaves to the next one: room, and indices of points that are not in use.
+#[derive(Debug, Default)]
+pub(crate) struct Spare {
+    pub points: Vec<PointIndex>,
+    spatial: Vec<SpatialLayer<'static>>,
+    limits: Vec<LimitLayer<'static>>,
+}
+
+/// The room of a list without its content. That it is the same room is how the library collects in place.
+fn emptied<A, B>(mut list: Vec<A>) -> Vec<B> {
+    list.clear();
+    list.into_iter().filter_map(|_| None).collect()
+}
+
 impl<'w> Scene<'w> {
     /// The scene of a world, seen from `start`. `stands_still` names the rules with a limit of 0 in whose
     /// zone the robot stood when told.
@@ -158,18 +172,19 @@ impl<'w> Scene<'w> {
         assumptions: Assumptions,
         stands_still: &dyn Fn(&str) -> bool,
     ) -> Scene<'w> {
-        Scene::with(world, start, assumptions, stands_still, &mut Vec::new())
+        Scene::with(world, start, assumptions, stands_still, &mut Spare::default())
     }
 
-    /// As `of`, with what former scenes left of their indices of points ([`Scene::leave`]).
+    /// As `of`, with what former scenes left ([`Scene::leave`]).
     pub(crate) fn with(
         world: &'w World,
         start: State,
         assumptions: Assumptions,
         stands_still: &dyn Fn(&str) -> bool,
-        spare: &mut Vec<PointIndex>,
+        spare: &mut Spare,
     ) -> Scene<'w> {
-        let (spatial, limits) = (Vec::new(), Vec::new());
+        let spatial = emptied(std::mem::take(&mut spare.spatial));
+        let limits = emptied(std::mem::take(&mut spare.limits));
         let mut scene = Scene { assumptions, start, spatial, limits, segment_guard_m: 0.0 };
         scene.segment_guard_m = scene.longest_segment_guard_m();
         let radius_m = assumptions.radius_m;
@@ -177,11 +192,10 @@ impl<'w> Scene<'w> {
         for (idx, layer) in world.base.iter().enumerate() {
             scene.add_spatial(Source::Base(idx), Shape::Field(&layer.field), radius_m, here);
         }
-        scene.add_points(world, spare, here);
+        scene.add_points(world, &mut spare.points, here);
         for (idx, rule) in world.rules.iter().enumerate() {
             scene.add_rule(Source::Rule(idx), &rule.demand, stands_still(&rule.id), here);
         }
-        scene.spatial.sort_by(|a, b| a.start_m.total_cmp(&b.start_m));
         scene
     }
 
@@ -190,7 +204,9 @@ impl<'w> Scene<'w> {
         let mut layer = SpatialLayer { source, shape, keep_m, start_m: 0.0, soft: false };
         layer.start_m = layer.margin_at(here, 0.0);
         layer.soft = layer.start_m <= 0.0 && !layer.is_base();
-        self.spatial.push(layer);
+        // Sorted as they come; of equally near ones the earlier stays first.
+        let at = self.spatial.partition_point(|other| other.start_m.total_cmp(&layer.start_m).is_le());
+        self.spatial.insert(at, layer);
     }
 
     /// Adds the scan, those hits apart that are on no map and may move.
@@ -215,12 +231,13 @@ impl<'w> Scene<'w> {
         }
     }
 
-    /// Leaves the indices of points to the next scene.
-    pub(crate) fn leave(self, spare: &mut Vec<PointIndex>) {
-        spare.extend(self.spatial.into_iter().filter_map(|layer| match layer.shape {
+    /// Leaves what can be used again to the next scene.
+    pub(crate) fn leave(mut self, spare: &mut Spare) {
+        spare.points.extend(self.spatial.drain(..).filter_map(|layer| match layer.shape {
             Shape::Points(index, _) => Some(index),
             Shape::Field(_) => None,
         }));
+        (spare.spatial, spare.limits) = (emptied(self.spatial), emptied(self.limits));
     }
 
     fn add_rule(&mut self, source: Source, demand: &'w Demand, stands_still: bool, here: &mut Place) {

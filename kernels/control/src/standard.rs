@@ -15,6 +15,7 @@ mod field;
 mod model;
 mod runner;
 mod scene;
+mod score;
 
 pub use runner::{Choice, StandardFilter};
 pub use scene::{Scene, SceneError};

@@ -81,6 +81,20 @@ impl Isa {
         }
     }
 
+    /// How many f32 a vector holds; a loop over whole vectors has no rest.
+    #[must_use]
+    pub fn n_floats(self) -> usize {
+        match self.0 {
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512 => 16,
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx2 => 8,
+            #[cfg(target_arch = "aarch64")]
+            Kind::Neon => 4,
+            Kind::Scalar => 4,
+        }
+    }
+
     /// Runs a loop with these instructions.
     #[allow(unsafe_code, reason = "instructions chosen at run time cannot be reached otherwise")]
     pub fn run<W: Work>(self, work: W) -> W::Output {

@@ -235,6 +235,7 @@ impl FilterDecider {
                 status.action = "stopped".to_owned();
             }
         }
+        self.filter.take_back(decision);
         status
     }
 

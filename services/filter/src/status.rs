@@ -39,7 +39,7 @@ pub(crate) fn decided(around: Around, decision: &Decision, notes: &[String]) -> 
     let finite = |value: f64| value.is_finite().then_some(value);
     let (certified, uncertified_reason) = match &decision.certified {
         Certified::Yes => (true, String::new()),
-        Certified::No { why } => (false, why.clone()),
+        Certified::No { why } => (false, (*why).to_owned()),
     };
     FilterStatus {
         action: action.to_owned(),

@@ -129,6 +129,8 @@ impl Work for Rollouts<'_> {
         for first in (0..n_all).step_by(N) {
             let n = (n_all - first).min(N);
             let mut pass = Pass::at(from);
+            // Lanes beyond the samples matter to nobody.
+            pass.kept_m[n..].fill(f32::NEG_INFINITY);
             for (step, held) in held.iter().take(N_STEPS_MAX).enumerate() {
                 let at = step * n_lanes + first;
                 let n = padded(n).min(N);

@@ -90,54 +90,66 @@ pub(crate) struct Sampled<'a> {
 /// Rolls `n` lanes out; what each keeps goes to `kept_m`, to the rounding of f32 and of the words.
 ///
 /// `FULL` finishes every rollout and reads the words at every step. Otherwise steps are skipped where the words
-/// cannot matter, and a pass ends as soon as no lane keeps more than `floor_m`; its values then are bounds from
-/// above that lie at or below `floor_m`.
+/// cannot matter, lanes that keep no more than `floor_m` are followed no further, and a pass ends as soon as only
+/// a few keep more. What it returns is whether there were none: else the values above `floor_m` may be bounds
+/// from above.
 pub(crate) struct Sweep<'a, M: Model, const FULL: bool> {
     pub model: M,
     pub ground: Ground<'a>,
     pub from: From,
     pub sampled: Sampled<'a>,
     pub n: usize,
+    /// Lanes of a vector.
+    pub n_vector: usize,
+    /// Lanes that are not to be followed, being known; theirs is negative infinity. None when `FULL`.
+    pub known: [Option<usize>; 2],
     pub floor_m: f32,
     pub kept_m: &'a mut [f32],
 }
 
 impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
-    type Output = ();
+    type Output = bool;
     #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        let Sweep { model, ground, from, sampled, n: n_all, floor_m, kept_m } = self;
+    fn run<const FUSED: bool>(self) -> bool {
+        let Sweep { model, ground, from, sampled, n: n_all, n_vector, known, floor_m, kept_m } = self;
+        let mut is_complete = true;
         let Sampled { held, draws: [turn_draws, gain_draws], n_lanes, scale, limit } = sampled;
         for first in (0..n_all).step_by(N) {
             let n = (n_all - first).min(N);
-            let mut pass = Pass::at(from, n.next_multiple_of(N_VECTOR).min(N));
+            let mut pass = Pass::at(from, n.next_multiple_of(n_vector).min(N));
+            if !FULL {
+                pass.kept_m[n..].fill(f32::NEG_INFINITY);
+                for lane in known.into_iter().flatten().filter(|lane| (first..first + n).contains(lane)) {
+                    pass.kept_m[lane - first] = f32::NEG_INFINITY;
+                }
+            }
             for (step, held) in held.iter().enumerate() {
                 let at = step * n_lanes + first;
                 let draws = [&turn_draws[at..at + pass.n], &gain_draws[at..at + pass.n]];
                 pass.advance::<M, FUSED>(model, &ground, draws, *held, scale, limit);
                 if !FULL {
-                    let state = pass.room(ground.slope_m, floor_m);
-                    if state & ALIVE == 0 {
+                    let (n_alive, reads) = pass.room(ground.slope_m, floor_m);
+                    if n_alive <= N_FEW {
+                        is_complete &= n_alive == 0;
                         break;
                     }
-                    if state & READS == 0 {
+                    if reads == 0 {
                         continue;
                     }
                 }
                 pass.load(&ground, n);
-                if pass.judge::<M, FUSED>(model, &ground) != 0 {
+                if pass.judge::<M, FUSED, FULL>(model, &ground, floor_m) != 0 {
                     pass.settle_ridges::<M>(model, &ground, n);
                 }
             }
             kept_m[first..first + n].copy_from_slice(&pass.kept_m[..n]);
         }
+        is_complete
     }
 }
 
-/// Some lane still keeps more than the floor.
-const ALIVE: u32 = 1;
-/// Some such lane may be lowered by what the words say here.
-const READS: u32 = 2;
+/// So few lanes that matter are followed exactly in less time than a pass takes to its end.
+const N_FEW: u32 = 3;
 
 /// The lanes of one pass.
 struct Pass {
@@ -212,9 +224,10 @@ impl Pass {
         place_lanes(n, ground, &mut self.share_x, &mut self.share_y, &mut self.cell_idx, &self.x, &self.y);
     }
 
-    /// Lowers what lanes keep to what their controls leave; what is to be done about the rest.
+    /// Lowers what lanes keep to what their controls leave; how many still keep more than the floor, and
+    /// whether any of these may be lowered by what the words say here (not 0).
     #[inline(always)]
-    fn room(&mut self, slope_m: f32, floor_m: f32) -> u32 {
+    fn room(&mut self, slope_m: f32, floor_m: f32) -> (u32, u32) {
         room_lanes(
             self.n.min(N),
             &mut self.room_m,
@@ -241,19 +254,25 @@ impl Pass {
 
     /// Lowers what lanes keep by the margins at their places; not 0 when some lie on a ridge that matters.
     #[inline(always)]
-    fn judge<M: Model, const FUSED: bool>(&mut self, model: M, ground: &Ground<'_>) -> u32 {
-        judge_lanes::<M, FUSED>(
+    fn judge<M: Model, const FUSED: bool, const FULL: bool>(
+        &mut self,
+        model: M,
+        ground: &Ground<'_>,
+        floor_m: f32,
+    ) -> u32 {
+        judge_lanes::<M, FUSED, FULL>(
             self.n.min(N),
             model,
             &mut self.kept_m,
             &mut self.room_m,
             &mut self.ridge,
-            &self.bound_m,
+            (&self.bound_m, &self.moved),
             (&self.clear, &self.slow),
             &self.share_x,
             &self.share_y,
             &self.speed_m_s,
             ground.quantum_m,
+            floor_m,
         )
     }
 
@@ -265,6 +284,7 @@ impl Pass {
             let (x, y) = (self.share_x[lane], self.share_y[lane]);
             let clear_m = ridges.ridge_m(self.cell_idx[lane] as usize, (x, y));
             let slow_m = ground.quantum_m[1] * unpacked::<false>(self.slow[lane], x, y);
+            self.room_m[lane] = most(self.room_m[lane], least(clear_m, slow_m));
             let worth_m = model.worth_m(clear_m, slow_m, self.speed_m_s[lane]);
             self.kept_m[lane] = least(self.kept_m[lane], worth_m);
         }
@@ -356,34 +376,35 @@ fn room_lanes(
     bound_m: &[f32; N],
     slope_m: f32,
     floor_m: f32,
-) -> u32 {
-    let mut state = 0;
+) -> (u32, u32) {
+    let (mut n_alive, mut reads) = (0_u32, 0);
     for lane in 0..n {
         let room = room_m[lane] - slope_m * moved[lane] - 1e-6;
         room_m[lane] = room;
         let kept = least(kept_m[lane], bound_m[lane]);
         kept_m[lane] = kept;
         let is_alive = kept > floor_m;
-        state |= if is_alive { ALIVE } else { 0 };
-        state |= if is_alive & (room < kept) { READS } else { 0 };
+        n_alive = n_alive.wrapping_add(if is_alive { 1 } else { 0 });
+        reads |= if is_alive & (room < kept) { 1 } else { 0 };
     }
-    state
+    (n_alive, reads)
 }
 
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
-fn judge_lanes<M: Model, const FUSED: bool>(
+fn judge_lanes<M: Model, const FUSED: bool, const FULL: bool>(
     n: usize,
     model: M,
     kept_m: &mut [f32; N],
     room_m: &mut [f32; N],
     ridge: &mut [u32; N],
-    bound_m: &[f32; N],
+    (bound_m, moved): (&[f32; N], &[f32; N]),
     (clear, slow): (&[u32; N], &[u32; N]),
     share_x: &[f32; N],
     share_y: &[f32; N],
     speed_m_s: &[f32; N],
     [clear_quantum_m, slow_quantum_m]: [f32; 2],
+    floor_m: f32,
 ) -> u32 {
     let mut ridges = 0;
     for lane in 0..n {
@@ -393,12 +414,20 @@ fn judge_lanes<M: Model, const FUSED: bool>(
         let worth_m = model.worth_m(clear_m, slow_m, speed_m_s[lane]);
         // Not the loaded value itself is chosen from: that would make a masked store, which the next load waits for.
         let kept = least(kept_m[lane], bound_m[lane]);
-        room_m[lane] = least(clear_m, slow_m);
+        let word_m = least(clear_m, slow_m);
+        let room = if FULL { word_m } else { most(word_m, room_m[lane]) };
+        room_m[lane] = room;
         let lowers = if worth_m < kept { 1 } else { 0 };
-        let is_ridge = (clear >> 31) & lowers;
-        ridge[lane] = is_ridge;
-        ridges |= is_ridge;
-        kept_m[lane] = if is_ridge != 0 { kept } else { least(kept, worth_m) };
+        let is_ridge = clear >> 31;
+        // Who has not moved has asked here before (the start's margin caps all).
+        let mut asks = is_ridge & lowers & if moved[lane] > 0.0 { 1 } else { 0 };
+        if !FULL {
+            asks &= if (kept > floor_m) & (room < kept) { 1 } else { 0 };
+        }
+        ridge[lane] = asks;
+        ridges |= asks;
+        let settled_m = if is_ridge != 0 { f32::INFINITY } else { clear_m };
+        kept_m[lane] = least(kept, model.worth_m(settled_m, slow_m, speed_m_s[lane]));
     }
     ridges
 }

@@ -43,18 +43,20 @@ impl Filter {
         }
         self.exits = None;
         self.noise_for_this_tick();
-        let warm = self.warm_starts();
-        let warm: Vec<&[Control]> = warm.iter().map(Vec::as_slice).collect();
+        let (sequences, n_warm) = self.warm_starts();
+        let warm = sequences.each_ref().map(Vec::as_slice);
         let runner = Runner::start(scene);
         let rate = wanted.yaw_rate_rad_s;
         let goal = Wanted { above_m: 0.0, enough_m: self.config.ample_m };
         let mut best = std::mem::take(&mut self.best);
-        search(scene, &self.search, &mut self.noise, runner, (rate, &warm), goal, &mut best);
+        search(scene, &self.search, &mut self.noise, runner, (rate, &warm[..n_warm]), goal, &mut best);
+        self.room.warm = sequences;
         let choice = match best.value_m {
             Some(v_safe_m) => {
                 let safest = self.roll(scene, &best.controls);
                 let choice = self.choose_certified(scene, nominal, wanted, (v_safe_m, &safest));
-                self.safest = Some(safest);
+                let last = self.safest.replace(safest);
+                self.room.keep(last);
                 choice
             }
             None => None,
@@ -86,8 +88,11 @@ impl Filter {
         // The nominal control is the nearest of the primitives; the others are made when it does not pass.
         let mut passed = self.continues(scene, safest, wanted, needed_m).then_some(wanted);
         if passed.is_none() && is_blending {
-            let others = primitives(wanted, capped, &scene.assumptions.limits, &scene.limits_in_force());
-            passed = others.into_iter().skip(1).find(|&first| self.continues(scene, safest, first, needed_m));
+            let (room, limits) = (std::mem::take(&mut self.room.primitives), &scene.assumptions.limits);
+            let all = primitives(wanted, capped, limits, &scene.limits_in_force(), room);
+            let mut others = all.iter().copied().skip(1);
+            passed = others.find(|&first| self.continues(scene, safest, first, needed_m));
+            self.room.primitives = all;
         }
         // A wish that is too fast for a rule in force is held to it, not refused: one that turns too fast would stop
         // the robot for good.
@@ -96,19 +101,23 @@ impl Filter {
         }
         let (plan, action, v_sent_m) = match passed {
             Some(first) => {
-                let mut controls = vec![first];
+                let mut controls = std::mem::take(&mut self.room.controls);
+                controls.clear();
+                controls.push(first);
                 controls.extend(&self.continued.controls);
                 let action = if first == wanted { Action::Passed } else { Action::Blended };
-                (self.roll(scene, &controls), action, self.continued.value_m.unwrap_or(v_safe_m))
+                let plan = self.roll(scene, &controls);
+                self.room.controls = controls;
+                (plan, action, self.continued.value_m.unwrap_or(v_safe_m))
             }
-            None => (safest.clone(), Action::Backup, v_safe_m),
+            None => (self.copied(safest), Action::Backup, v_safe_m),
         };
         // The rollouts skip what cannot matter; the stored plan is checked once more, in full.
         certify(scene, &plan).ok()?;
         let too_fast = scene.limits.iter().find(|layer| layer.braking_from_m_s.is_some());
         if let Some(layer) = too_fast {
             let over_m_s = scene.start.speed_m_s - layer.speed_m_s;
-            let certified = Certified::No { why: "too fast for a limit, braking".into() };
+            let certified = Certified::No { why: "too fast for a limit, braking" };
             let held_by = Some((layer.source, Some(Breach::Fast(layer.source, over_m_s))));
             let action = Action::Recovering { rule: None };
             return Some(Choice { plan, action, v_safe_m, v_sent_m, certified, held_by });
@@ -128,18 +137,24 @@ impl Filter {
         }
         // The last solution, from where the first step ends.
         let n_after = safest.samples().len().saturating_sub(2);
-        let after: Vec<Control> =
-            (1..=n_after).map(|k| safest.control_at(k as f64 * safest.step_s())).collect();
+        let mut after = std::mem::take(&mut self.room.after);
+        after.clear();
+        after.extend((1..=n_after).map(|k| safest.control_at(k as f64 * safest.step_s())));
         let warm = [after.as_slice()];
         let from = (first.yaw_rate_rad_s, &warm[..]);
         let continued = &mut self.continued;
         search(scene, &self.search, &mut self.noise, runner, from, goal, continued);
-        continued.value_m.is_some()
+        let is_found = continued.value_m.is_some();
+        self.room.after = after;
+        is_found
     }
 
     /// What holds a control back: the first thing that braking right after it would break, else come nearest.
-    fn held_by(&self, scene: &Scene<'_>, wanted: Control) -> Option<(Source, Option<Breach>)> {
-        match certify(scene, &self.roll(scene, &[wanted])) {
+    fn held_by(&mut self, scene: &Scene<'_>, wanted: Control) -> Option<(Source, Option<Breach>)> {
+        let plan = self.roll(scene, &[wanted]);
+        let certified = certify(scene, &plan);
+        self.room.keep(Some(plan));
+        match certified {
             Ok((_, source)) => source.map(|source| (source, None)),
             Err(breach) => breach.source().map(|source| (source, Some(breach))),
         }
@@ -147,8 +162,11 @@ impl Filter {
 
     /// The rest of the stored plan, when it still passes in this world.
     fn rest_of_plan(&mut self, scene: &Scene<'_>) -> Option<Choice> {
-        let plan = self.plan.clone()?;
-        let (v_sent_m, source) = certify(scene, &plan).ok()?;
+        let plan = self.plan.take()?;
+        let certified = certify(scene, &plan);
+        let copy = self.copied(&plan);
+        self.plan = Some(plan);
+        let (plan, (v_sent_m, source)) = (copy, certified.ok()?);
         let held_by = source.map(|source| (source, None));
         let certified = Certified::Yes;
         Some(Choice { plan, action: Action::Resting, v_safe_m: v_sent_m, v_sent_m, certified, held_by })
@@ -168,7 +186,7 @@ impl Filter {
             action: Action::LeastHarm,
             v_safe_m: 0.0,
             v_sent_m,
-            certified: Certified::No { why: "no plan keeps every margin".into() },
+            certified: Certified::No { why: "no plan keeps every margin" },
             held_by: why,
         }
     }
@@ -193,13 +211,15 @@ impl Filter {
             None => (self.roll(scene, &[]), false),
         };
         // An obstacle that only looks too near must not undo a plan that was certified against it.
-        let kept = self.plan.as_ref().filter(|kept| !spares && certify(scene, kept).is_ok());
-        let plan = kept.cloned().unwrap_or(plan);
+        let stored = self.plan.take();
+        let kept = stored.as_ref().filter(|kept| !spares && certify(scene, kept).is_ok());
+        let plan = kept.map_or(plan, |kept| self.copied(kept));
+        self.plan = stored;
         let v_m = scene.spatial.first().map_or(0.0, |layer| layer.start_m);
         let why = match (in_zone, &exits) {
-            (true, Some(_)) => "standing in a zone, leaving".to_owned(),
-            (true, None) => "standing in a zone that has no way out".to_owned(),
-            (false, _) => "too near, moving clear".to_owned(),
+            (true, Some(_)) => "standing in a zone, leaving",
+            (true, None) => "standing in a zone that has no way out",
+            (false, _) => "too near, moving clear",
         };
         Choice {
             plan,
@@ -236,14 +256,27 @@ impl Filter {
         self.noise.begin(self.config.seed, self.tick, (n_rounds.max(1), n_samples), n_steps);
     }
 
-    /// The last solution and the rest of the last plan, as sequences from now.
-    fn warm_starts(&self) -> Vec<Vec<Control>> {
-        [&self.safest, &self.plan].into_iter().flatten().map(remaining_controls).collect()
+    /// The last solution and the rest of the last plan, as sequences from now; how many of the two there are.
+    fn warm_starts(&mut self) -> ([Vec<Control>; 2], usize) {
+        let mut sequences = std::mem::take(&mut self.room.warm);
+        let mut n_warm = 0;
+        for (to, plan) in sequences.iter_mut().zip([&self.safest, &self.plan].into_iter().flatten()) {
+            to.clear();
+            to.extend(remaining_controls(plan));
+            n_warm += 1;
+        }
+        (sequences, n_warm)
     }
 
-    fn roll(&self, scene: &Scene<'_>, controls: &[Control]) -> Plan {
+    fn roll(&mut self, scene: &Scene<'_>, controls: &[Control]) -> Plan {
         let Assumptions { limits, step_s, braking_tail, .. } = scene.assumptions;
-        Plan::roll(scene.start, controls, step_s, &limits, braking_tail)
+        let room = self.room.plans.pop().unwrap_or_default();
+        Plan::roll_into(room, scene.start, controls, step_s, &limits, braking_tail)
+    }
+
+    fn copied(&mut self, plan: &Plan) -> Plan {
+        let room = self.room.plans.pop().unwrap_or_default();
+        plan.copied_into(room)
     }
 }
 

@@ -1,11 +1,32 @@
-//! One rollout of the standard problem, exactly: to settle what the fast bounds leave open.
+//! Rollouts of the standard problem, exactly: to settle what the fast bounds leave open.
+//!
+//! One by one, or many side by side with the same arithmetic: to the last bit the same, on all instructions.
+
+use std::ops::Range;
 
 use super::field::Field;
 use super::oracle::Pose;
 use super::*;
+use crate::fast::isa::Work;
+use crate::noise::Noise;
 
 /// Sequences of controls as the oracle has them, in f64.
 pub(crate) type Controls = Vec<[f64; 2]>;
+
+/// Where a rollout starts, its heading's sine and cosine known.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    pub pose: Pose,
+    pub sin: f64,
+    pub cos: f64,
+}
+
+impl Start {
+    pub(crate) fn at(pose: Pose) -> Start {
+        let (sin, cos) = pose[2].sin_cos();
+        Start { pose, sin, cos }
+    }
+}
 
 /// The smallest margin along a rollout from `start`, at most `cap` (the margin there); `None` once it is known
 /// to be below `floor`.
@@ -14,13 +35,12 @@ pub(crate) type Controls = Vec<[f64; 2]>;
 /// constant lets them.
 pub(crate) fn kept(
     field: &Field<'_>,
-    start: Pose,
+    start: &Start,
     cap: f64,
     controls: impl Iterator<Item = [f64; 2]>,
     floor: f64,
 ) -> Option<f64> {
-    let [mut x, mut y, yaw, mut v] = start;
-    let (mut sin, mut cos) = yaw.sin_cos();
+    let Start { pose: [mut x, mut y, _, mut v], mut sin, mut cos } = *start;
     let slope = f64::from(field.slope_m()) / CELL_M;
     let mut kept = cap;
     let (mut clear, mut slow) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
@@ -52,11 +72,165 @@ pub(crate) fn kept(
 }
 
 /// A heading's sine and cosine after a turn of at most 0.05 rad: Taylor, error below 1e-16.
-#[inline]
+#[inline(always)]
 fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
     let square = turn * turn;
     let by_cos = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)));
     let by_sin =
         turn * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))));
     (sin * by_cos + cos * by_sin, cos * by_cos - sin * by_sin)
+}
+
+/// Rollouts that are followed side by side.
+pub(super) const N_TOGETHER: usize = 64;
+/// They are counted in whole vectors of so many.
+const N_VECTOR: usize = 8;
+
+/// Some samples of a round, followed side by side: where each is, and what it keeps so far, with the same
+/// arithmetic as [`kept`].
+pub(super) struct Together {
+    n: usize,
+    x: [f64; N_TOGETHER],
+    y: [f64; N_TOGETHER],
+    sin: [f64; N_TOGETHER],
+    cos: [f64; N_TOGETHER],
+    v: [f64; N_TOGETHER],
+    /// How low the margins may have fallen since they were read.
+    clear: [f64; N_TOGETHER],
+    slow: [f64; N_TOGETHER],
+    /// Draws of this step.
+    rate: [f64; N_TOGETHER],
+    accel: [f64; N_TOGETHER],
+    /// What is kept so far: at most this is kept at the end. Lowered by the caller where that is all one to it.
+    pub kept: [f64; N_TOGETHER],
+}
+
+impl Together {
+    /// The first `n` of them.
+    pub(super) fn at(start: &Start, cap: f64, n: usize) -> Together {
+        let Start { pose: [x, y, _, v], sin, cos } = *start;
+        let all = |value: f64| [value; N_TOGETHER];
+        let (clear, slow) = (all(f64::NEG_INFINITY), all(f64::NEG_INFINITY));
+        let (x, y, sin, cos, v) = (all(x), all(y), all(sin), all(cos), all(v));
+        let n = n.min(N_TOGETHER);
+        Together { n, x, y, sin, cos, v, clear, slow, rate: all(0.0), accel: all(0.0), kept: all(cap) }
+    }
+
+    /// One step of every rollout, and what its controls alone leave.
+    #[inline(always)]
+    fn advance(&mut self, held: [f64; 2], fall: f64) {
+        let Together { n, x, y, sin, cos, v, clear, slow, rate, accel, kept } = self;
+        let n = n.next_multiple_of(N_VECTOR);
+        step_lanes(n, held, fall, x, y, sin, cos, v, clear, slow, rate, accel, kept);
+    }
+
+    /// Reads the fields where they can lower what is kept.
+    #[inline(always)]
+    fn read(&mut self, field: &Field<'_>, floor: f64) {
+        for lane in 0..self.n.min(N_TOGETHER) {
+            let (least, spare) = (self.kept[lane], SLOW_SPEED_M_S - self.v[lane]);
+            let (needs_clear, needs_slow) =
+                (self.clear[lane] < least, spare < least && self.slow[lane] < least);
+            if least >= floor && (needs_clear || needs_slow) {
+                let (cell_idx, place) = field.cell(self.x[lane], self.y[lane]);
+                if needs_clear {
+                    self.clear[lane] = field.clear_m(cell_idx, place);
+                    self.kept[lane] = self.kept[lane].min(self.clear[lane]);
+                }
+                if needs_slow {
+                    self.slow[lane] = field.slow_m(cell_idx, place);
+                    self.kept[lane] = self.kept[lane].min(self.slow[lane].max(spare));
+                }
+            }
+        }
+    }
+}
+
+/// Follows samples side by side for some steps on; those that keep less than `floor` need not be right.
+pub(super) struct Follow<'a, 's> {
+    pub together: &'a mut Together,
+    pub field: &'a Field<'s>,
+    pub samples: &'a [u32],
+    pub incumbent: &'a [[f64; 2]],
+    pub noise: &'a Noise,
+    pub round: usize,
+    pub steps: Range<usize>,
+    pub floor: f64,
+}
+
+impl Work for Follow<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Follow { together, field, samples, incumbent, noise, round, steps, floor } = self;
+        let fall = f64::from(field.slope_m()) / CELL_M;
+        let (draws, n_drawn) = (noise.round(round), noise.n_lanes());
+        let n = samples.len().min(N_TOGETHER);
+        for (step, held) in incumbent.iter().enumerate().take(steps.end).skip(steps.start) {
+            let [rates, accels] = draws.map(|draws| &draws[step * n_drawn..(step + 1) * n_drawn]);
+            for (lane, sample) in samples[..n].iter().enumerate() {
+                together.rate[lane] = f64::from(rates[*sample as usize]);
+                together.accel[lane] = f64::from(accels[*sample as usize]);
+            }
+            together.advance(*held, fall);
+            together.read(field, floor);
+        }
+    }
+}
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "arrays in a struct would not be known to be apart")]
+fn step_lanes(
+    n: usize,
+    [held_rate, held_accel]: [f64; 2],
+    fall: f64,
+    x: &mut [f64; N_TOGETHER],
+    y: &mut [f64; N_TOGETHER],
+    sin: &mut [f64; N_TOGETHER],
+    cos: &mut [f64; N_TOGETHER],
+    v: &mut [f64; N_TOGETHER],
+    clear: &mut [f64; N_TOGETHER],
+    slow: &mut [f64; N_TOGETHER],
+    rate: &[f64; N_TOGETHER],
+    accel: &[f64; N_TOGETHER],
+    kept: &mut [f64; N_TOGETHER],
+) {
+    for lane in 0..n.min(N_TOGETHER) {
+        let [rate, accel] = perturbed([held_rate, held_accel], (rate[lane], accel[lane]));
+        let from = v[lane];
+        x[lane] += from * cos[lane] * STEP_S;
+        y[lane] += from * sin[lane] * STEP_S;
+        let fallen = fall * from * STEP_S + 1e-9;
+        (sin[lane], cos[lane]) = turned((sin[lane], cos[lane]), rate * STEP_S);
+        let to = held_within(from + accel * STEP_S, 0.0, SPEED_M_S_MAX);
+        v[lane] = to;
+        clear[lane] -= fallen;
+        slow[lane] -= fallen;
+        let bound = smaller(SPEED_M_S_LIMIT - to, YAW_RATE_RAD_S_LIMIT - rate.abs());
+        kept[lane] = smaller(bound, kept[lane]);
+    }
+}
+
+/// The control of one sample at a step, in f64.
+#[inline(always)]
+pub(super) fn perturbed([rate, accel]: [f64; 2], (rate_draw, accel_draw): (f64, f64)) -> [f64; 2] {
+    let rate = rate + SIGMA_YAW_RATE_RAD_S * rate_draw;
+    let accel = accel + SIGMA_ACCEL_M_S2 * accel_draw;
+    [
+        held_within(rate, -YAW_RATE_RAD_S_MAX, YAW_RATE_RAD_S_MAX),
+        held_within(accel, -ACCEL_M_S2_MAX, ACCEL_M_S2_MAX),
+    ]
+}
+
+// As comparisons, not `f64::min`: one instruction each where NaN is not asked about.
+
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn held_within(value: f64, low: f64, high: f64) -> f64 {
+    let value = if value > low { value } else { low };
+    smaller(value, high)
 }

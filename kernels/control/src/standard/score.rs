@@ -1,0 +1,285 @@
+//! The score of one state: rounds of bounds, and the exact value of the few samples that can be the best.
+//!
+//! Not here: which states are scored, and which primitive is chosen (`runner`).
+
+use super::exact::{Controls, Start, kept, perturbed};
+use super::field::Field;
+use super::model::{Euler, GAIN_MAX, ROUNDING_M, TURN_MAX};
+use super::oracle::Pose;
+use super::*;
+use crate::fast::Isa;
+use crate::fast::sweep::{From, Sampled, Sweep, padded};
+use crate::noise::Noise;
+
+mod settle;
+
+/// No value at all.
+pub(crate) const NONE: f64 = f64::NEG_INFINITY;
+
+/// What a score is computed for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Goal {
+    /// Over as soon as the score is known to be at least this.
+    pub enough: f64,
+    /// A score below this is known well enough.
+    pub rival: f64,
+    /// Whether a score between the two is wanted to the last bit; else only on which side of `enough` it is.
+    pub is_exact: bool,
+}
+
+/// The score of one state under work: its bounds, and what is left to settle.
+#[derive(Debug)]
+pub(crate) struct Open {
+    pub low: f64,
+    pub high: f64,
+    pub start: Start,
+    /// Whether more than the most that any sample can keep is known.
+    pub is_begun: bool,
+    cap: f64,
+    /// What the incumbent keeps, where that is known exactly; in the last round what the best known sample does.
+    exact: f64,
+    incumbent: Controls,
+    kept_m: Vec<f32>,
+    /// Samples of the last round that can be the best and are not settled.
+    lanes: Vec<u32>,
+}
+
+impl Open {
+    fn new(sampling: Sampling) -> Open {
+        let n_lanes = padded(sampling.n_samples);
+        Open {
+            low: NONE,
+            high: NONE,
+            start: Start::at([0.0; 4]),
+            is_begun: false,
+            cap: NONE,
+            exact: NONE,
+            incumbent: vec![[0.0; 2]; sampling.n_steps],
+            kept_m: vec![0.0; n_lanes],
+            lanes: Vec::with_capacity(n_lanes),
+        }
+    }
+
+    fn begin(&mut self, start: Start, cap: f64) {
+        (self.start, self.cap, self.is_begun) = (start, cap, false);
+        (self.low, self.high, self.exact) = (NONE, cap, NONE);
+        self.incumbent.fill([0.0, -ACCEL_M_S2_MAX]);
+        self.lanes.clear();
+    }
+
+    fn know(&mut self, exact: f64) {
+        (self.low, self.high, self.exact) = (exact, exact, exact);
+        self.lanes.clear();
+    }
+
+    /// The largest of what samples were found to keep, as far as they were followed.
+    fn most_m(&self, n_samples: usize) -> f32 {
+        let from = usize::from(self.exact > NONE);
+        self.kept_m[from..n_samples].iter().copied().fold(f32::NEG_INFINITY, crate::fast::sweep::most)
+    }
+
+    /// Picks the samples that may keep at least `floor`; not the incumbent when it is known already.
+    fn pick(&mut self, n_samples: usize, floor: f64, error_m: f32) {
+        let floor = (floor as f32 - error_m).next_down();
+        self.lanes.clear();
+        let from = usize::from(self.exact > NONE);
+        for (lane, kept_m) in self.kept_m[..n_samples].iter().enumerate().skip(from) {
+            if *kept_m > floor {
+                self.lanes.push(lane as u32);
+            }
+        }
+    }
+}
+
+/// What scores are computed with.
+#[derive(Debug)]
+pub(crate) struct Scorer<'s> {
+    isa: Isa,
+    sampling: Sampling,
+    pub field: Field<'s>,
+    /// How far above its bound a sample's value may lie, metres.
+    error_m: f32,
+    pub noise: Noise,
+    /// Turn and gain of each step of the incumbent.
+    held: Vec<[f32; 2]>,
+    /// Which sample was best in each round of the last score: likely to be good in the next one, too.
+    hints: Vec<Option<usize>>,
+}
+
+impl<'s> Scorer<'s> {
+    pub(crate) fn new(isa: Isa, scene: &'s Scene, sampling: Sampling) -> Scorer<'s> {
+        let field = Field::of(isa, scene);
+        Scorer {
+            isa,
+            sampling,
+            error_m: field.error_m() + 2.0 * ROUNDING_M,
+            field,
+            noise: Noise::on(isa).keeping_incumbents(),
+            held: vec![[0.0; 2]; sampling.n_steps],
+            hints: vec![None; sampling.n_rounds],
+        }
+    }
+
+    /// Room for one score.
+    pub(crate) fn open(&self) -> Open {
+        Open::new(self.sampling)
+    }
+
+    /// Begins another step: its noise is drawn anew, when it is needed.
+    pub(crate) fn begin(&mut self, tick: u64) {
+        let Sampling { n_samples, n_rounds, n_steps, seed } = self.sampling;
+        self.noise.begin(seed, tick, (n_rounds, n_samples), n_steps);
+        self.hints.fill(None);
+    }
+
+    /// Bounds the score of a state as closely as the goal asks.
+    ///
+    /// `FULL` finishes every rollout. Otherwise rollouts end where they cannot matter.
+    pub(crate) fn bound<const FULL: bool>(&mut self, open: &mut Open, pose: Pose, goal: Goal) {
+        let start = Start::at(pose);
+        let cap = self.most(&start);
+        open.begin(start, cap);
+        if !FULL && (cap < goal.rival || (!goal.is_exact && cap < goal.enough)) {
+            return;
+        }
+        open.is_begun = true;
+        if !FULL {
+            let braking = open.incumbent.iter().copied();
+            open.know(kept(&self.field, &start, cap, braking, NONE).unwrap_or(NONE));
+        }
+        for round in 0..self.sampling.n_rounds {
+            // No sample keeps more than the margin at the start.
+            if !FULL && open.low >= cap.min(goal.enough) {
+                break;
+            }
+            self.round::<FULL>(open, round, goal);
+        }
+        if goal.is_exact && open.low < goal.enough {
+            self.finish(open, goal.rival);
+        }
+    }
+
+    /// Settles what is left open: the score exactly, or some value below the rival when it is below that.
+    pub(crate) fn finish(&mut self, open: &mut Open, rival: f64) {
+        if open.low >= open.high {
+            return;
+        }
+        if !open.lanes.is_empty() {
+            let last = self.sampling.n_rounds.saturating_sub(1);
+            self.settle(open, last, None, (f64::INFINITY, rival));
+        } else if open.exact > NONE {
+            open.know(open.exact);
+        } else {
+            // The last rounds found nothing better than an incumbent that was never computed exactly.
+            let incumbent = open.incumbent.iter().copied();
+            open.know(kept(&self.field, &open.start, open.cap, incumbent, NONE).unwrap_or(NONE));
+        }
+    }
+
+    /// One round of samples around the incumbent; its best is the next incumbent.
+    fn round<const FULL: bool>(
+        &mut self,
+        open: &mut Open,
+        round: usize,
+        Goal { enough, rival, is_exact }: Goal,
+    ) {
+        let is_last = round + 1 == self.sampling.n_rounds;
+        self.noise.draw(round + 1);
+        let rival = if is_last && !FULL { rival } else { NONE };
+        let hint = if FULL { None } else { self.hints[round] };
+        let hinted = hint.and_then(|lane| self.try_hint(open, round, lane));
+        let best = hinted.map_or(open.low, |(value, _)| value);
+        let floor = if FULL { NONE } else { best.max(rival) };
+        let is_complete = self.sweep::<FULL>(open, round, floor, hint);
+
+        let n_samples = self.sampling.n_samples;
+        let most = f64::from(open.most_m(n_samples));
+        let reach = if is_complete { most - f64::from(ROUNDING_M) } else { NONE };
+        open.pick(n_samples, floor.max(reach), self.error_m);
+        let cap = open.cap;
+        let low = if open.lanes.is_empty() { best } else { reach.min(cap).max(best) };
+        let high = (most + f64::from(self.error_m)).min(cap).max(best).max(rival.next_down());
+        if low >= cap && !open.lanes.is_empty() {
+            // Some sample keeps the most that any can: no later round can better it, whatever its incumbent is.
+            open.know(cap);
+            return;
+        }
+        if is_last && !is_exact && (low >= enough || high < enough) {
+            (open.low, open.high, open.exact) = (low, high, hinted.map_or(open.exact, |(value, _)| value));
+            return;
+        }
+        match open.lanes[..] {
+            // Exact values matter in the last round, and where two samples of another are too close to call.
+            [lane] if !is_last && low > best => {
+                self.hints[round] = Some(lane as usize);
+                self.hold(open, round, lane as usize);
+                open.lanes.clear();
+                (open.low, open.high, open.exact) = (low, high, NONE);
+            }
+            [] if hinted.is_none() => open.high = open.high.max(rival.next_down()),
+            _ => self.settle(open, round, hinted, (enough, rival)),
+        }
+    }
+
+    /// What the sample keeps that was the best of this round in the last score, when it is better than what is
+    /// known.
+    fn try_hint(&self, open: &Open, round: usize, sample: usize) -> Option<(f64, usize)> {
+        let controls = open.incumbent.iter().enumerate();
+        let controls = controls.map(|(step, held)| perturbed(*held, self.noise.pair(round, step, sample)));
+        let value = kept(&self.field, &open.start, open.cap, controls, open.low.next_up())?;
+        Some((value, sample))
+    }
+
+    /// Sweeps all samples of a round; whether all were followed as far as they matter. The rest was few, and
+    /// what is found for them are bounds from above.
+    fn sweep<const FULL: bool>(
+        &mut self,
+        open: &mut Open,
+        round: usize,
+        floor: f64,
+        known: Option<usize>,
+    ) -> bool {
+        for (to, [rate, accel]) in self.held.iter_mut().zip(&open.incumbent) {
+            *to = [(*rate * STEP_S) as f32, (*accel * STEP_S) as f32];
+        }
+        let Start { pose, sin, cos } = open.start;
+        let (ground, [x, y]) = self.field.ground(pose);
+        let from =
+            From { x, y, sin: sin as f32, cos: cos as f32, speed_m_s: pose[3] as f32, kept_m: f32::INFINITY };
+        let sampled = Sampled {
+            held: &self.held,
+            draws: self.noise.round(round),
+            n_lanes: self.noise.n_lanes(),
+            scale: [(SIGMA_YAW_RATE_RAD_S * STEP_S) as f32, (SIGMA_ACCEL_M_S2 * STEP_S) as f32],
+            limit: [TURN_MAX, GAIN_MAX],
+        };
+        let incumbent = (!FULL && open.exact > NONE).then_some(0);
+        self.isa.run(Sweep::<_, FULL> {
+            model: Euler,
+            ground,
+            from,
+            sampled,
+            n: self.sampling.n_samples,
+            n_vector: self.isa.n_floats(),
+            known: [incumbent, known],
+            floor_m: (floor - f64::from(self.error_m)) as f32,
+            kept_m: &mut open.kept_m,
+        })
+    }
+
+    /// Makes a sample the incumbent.
+    fn hold(&mut self, open: &mut Open, round: usize, lane: usize) {
+        for (step, control) in open.incumbent.iter_mut().enumerate() {
+            *control = perturbed(*control, self.noise.pair(round, step, lane));
+        }
+    }
+
+    /// The most that any sample can keep: the margin at the start, and that of the next place, which no control
+    /// changes; there the robot is at least as fast as after full braking.
+    fn most(&self, Start { pose: [x, y, _, v], sin, cos }: &Start) -> f64 {
+        let here = self.field.margin_m(*x, *y, *v);
+        let braked = (v - ACCEL_M_S2_MAX * STEP_S).clamp(0.0, SPEED_M_S_MAX);
+        let next = self.field.margin_m(x + v * cos * STEP_S, y + v * sin * STEP_S, braked);
+        (SPEED_M_S_LIMIT - v).min(YAW_RATE_RAD_S_LIMIT).min(here).min(next)
+    }
+}
