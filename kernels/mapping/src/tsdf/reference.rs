@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use super::frustum::Frustum;
 use super::slab::NEAR_M;
-use super::tiles::{COSINE_MIN, SPAN_PX, side_for};
+use super::tiles::{COSINE_MIN, SIDE_SPARE, SPAN_PX, is_asked, side_for};
 use super::{BLOCK_SIDE, BLOCK_VOXELS, BlockKey, Integrated, Tsdf, TsdfConfig};
 use crate::image::{DepthFrame, Mask};
 use crate::projection::TrustedDepth;
@@ -98,25 +98,31 @@ impl Slow<'_> {
         let (cols, rows) = self.trusted.bounds();
         let (mut last, mut n_refused) = ([[i32::MAX; 3]; 3], 0);
         for row in (rows.start / self.side..rows.end.div_ceil(self.side)).map(|row| row * self.side) {
+            // The middles of a row of tiles come first.
+            let (mut pixels, mut others) = (Vec::new(), Vec::new());
             for col in (cols.start / self.side..cols.end.div_ceil(self.side)).map(|col| col * self.side) {
+                if self.side >= SIDE_SPARE && !is_asked(col / self.side, row / self.side) {
+                    continue;
+                }
                 let middle = self.middle(col, row);
                 let (quarter, end) = (self.side / 4, self.side - 1);
-                let beside =
-                    [(quarter, quarter), (end, quarter), (quarter, end)].map(|(c, r)| (col + c, row + r));
-                let pixels = match self.trusted.at_in_mask(middle.0, middle.1) {
-                    Some(_) => vec![middle],
-                    None if self.side >= 4 => beside.to_vec(),
-                    None => vec![],
-                };
-                for (col, row) in pixels.into_iter().filter(|(c, r)| cols.contains(c) && rows.contains(r)) {
-                    let Some(depth_m) = self.trusted.at_in_mask(col, row) else { continue };
-                    let ray = turn * frame.intrinsics().unproject(col as f64, row as f64, 1.0).coords;
-                    for (step, last) in [-1.0, 0.0, 1.0].into_iter().zip(&mut last) {
-                        let reach_m = f64::from(depth_m) + step * self.config.truncation_m;
-                        let key: BlockKey = (eye + ray * reach_m).map(|c| c.floor() as i32).into();
-                        if std::mem::replace(last, key) != key {
-                            n_refused += usize::from(!tsdf.touch(key, &mut Vec::new()));
-                        }
+                if self.trusted.at_in_mask(middle.0, middle.1).is_some() {
+                    pixels.push(middle);
+                } else if self.side >= 4 {
+                    others.extend(
+                        [(quarter, quarter), (end, quarter), (quarter, end)].map(|(c, r)| (col + c, row + r)),
+                    );
+                }
+            }
+            pixels.append(&mut others);
+            for (col, row) in pixels.into_iter().filter(|(c, r)| cols.contains(c) && rows.contains(r)) {
+                let Some(depth_m) = self.trusted.at_in_mask(col, row) else { continue };
+                let ray = turn * frame.intrinsics().unproject(col as f64, row as f64, 1.0).coords;
+                for (step, last) in [-1.0, 0.0, 1.0].into_iter().zip(&mut last) {
+                    let reach_m = f64::from(depth_m) + step * self.config.truncation_m;
+                    let key: BlockKey = (eye + ray * reach_m).map(|c| c.floor() as i32).into();
+                    if std::mem::replace(last, key) != key {
+                        n_refused += usize::from(!tsdf.touch(key, &mut Vec::new()));
                     }
                 }
             }

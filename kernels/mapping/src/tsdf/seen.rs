@@ -192,7 +192,7 @@ fn look_at_row(
         let off = |other: u16| if other > 0 { other.abs_diff(here) } else { 0 };
         let farthest = off(left[n]).max(off(right[n])).max(off(up[n]).max(off(down[n])));
         let limit = (u32::from(here).wrapping_mul(limits.share) >> 16) as u16;
-        doubted[n] = u8::from(farthest > limit);
+        doubted[n] = u8::from((farthest > limit) & (here > 0));
     }
 }
 
@@ -238,9 +238,9 @@ fn keep_masked(
 #[inline(always)]
 fn settle(trusted: &TrustedDepth<'_>, (first_col, row): (usize, usize), out: &mut [u16], doubted: &[u8]) {
     /// So many at once are mostly all beyond doubt.
-    const AT_ONCE: usize = 8;
+    const AT_ONCE: usize = 32;
     for (nth, (out, doubted)) in out.chunks_mut(AT_ONCE).zip(doubted.chunks(AT_ONCE)).enumerate() {
-        if doubted.iter().all(|doubted| *doubted == 0) {
+        if <&[u8; AT_ONCE]>::try_from(doubted).is_ok_and(|doubted| *doubted == [0; AT_ONCE]) {
             continue;
         }
         for (off, (out, doubted)) in out.iter_mut().zip(doubted).enumerate() {

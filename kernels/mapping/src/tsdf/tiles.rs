@@ -14,6 +14,8 @@ const SIDE_MIN: usize = 2;
 const SIDE_MAX: usize = 8;
 /// A tile covers at most this many voxels at the far end of what is trusted.
 const SIDE_VOXELS: f64 = 1.5;
+/// Of tiles of this side on every second is asked which blocks it needs: blocks are much larger.
+pub(super) const SIDE_SPARE: usize = 4;
 /// Slopes are measured over this many pixels to both sides.
 pub(super) const SPAN_PX: i32 = 2;
 /// Least cosine between ray and surface normal that is believed: below it a slope is mostly an edge or noise.
@@ -69,6 +71,9 @@ impl Work for Cut<'_, '_> {
             let n_middles = all.look_along(low_row, first[0], n_tiles[0], &mut shown);
             for batch in shown.get(..n_middles).unwrap_or(&[]).chunks(LANES) {
                 all.turn(batch, cosines);
+            }
+            if self.side >= SIDE_SPARE {
+                shown.retain(|shown| is_asked(first[0] + shown.tile, first[1] + row));
             }
             for batch in shown.chunks(LANES) {
                 self.rays.blocks(batch, &mut last, &mut wanted);
@@ -187,6 +192,20 @@ struct Shown {
     depth_mm: u16,
 }
 
+/// Whether a tile, counted from the image's corner, is one of every second: as the black squares of a chessboard.
+#[inline(always)]
+pub(super) fn is_asked(tile_col: usize, tile_row: usize) -> bool {
+    (tile_col ^ tile_row) & 1 == 0
+}
+
+/// A whole number that is one, as long as it fits: a cast has cases for all others, which vectors have not.
+#[inline(always)]
+fn whole(value: f64) -> i32 {
+    /// Between this and twice as much f64 are whole numbers, and their lowest bits count them.
+    const WHOLE: f64 = 6_755_399_441_055_744.0;
+    (value + WHOLE).to_bits() as i32
+}
+
 /// Side of the tiles for a camera and voxels, pixels: a power of two.
 pub(super) fn side_for(focal_px: f64, voxel_m: f64, far_m: f64) -> usize {
     let wanted = SIDE_VOXELS * focal_px * voxel_m / far_m.max(0.1);
@@ -247,7 +266,7 @@ impl Rays {
             for ((eye, ray), keys) in self.eye.iter().zip(&rays).zip(keys) {
                 for n in 0..LANES {
                     let reach_m = depth_m[n] + step * self.truncation_m;
-                    keys[n] = (eye + ray[n] * reach_m).floor() as i32;
+                    keys[n] = whole((eye + ray[n] * reach_m).floor());
                 }
             }
         }
