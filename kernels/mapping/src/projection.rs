@@ -114,7 +114,7 @@ impl<'a> TrustedDepth<'a> {
     }
 
     /// Depth at a pixel, metres; `None` when it is not in the mask or not to be trusted.
-    #[inline(always)]
+    #[cfg(test)]
     pub(crate) fn at_in_mask(&self, col: usize, row: usize) -> Option<f32> {
         if self.in_mask(row * self.width + col) { self.at(col, row) } else { None }
     }
@@ -123,13 +123,6 @@ impl<'a> TrustedDepth<'a> {
     #[inline(always)]
     pub(crate) fn width(&self) -> usize {
         self.width
-    }
-
-    /// Depth as it is at a position of the image, millimetres; `None` outside mask or image.
-    #[inline(always)]
-    pub(crate) fn masked_mm(&self, idx: usize) -> Option<u16> {
-        let is_masked = self.mask.is_none_or(|mask| mask.bits().get(idx) == Some(&true));
-        self.depth_mm.get(idx).copied().filter(|_| is_masked)
     }
 
     /// Depth at a pixel of the mask, metres; `None` when it is not to be trusted.

@@ -41,6 +41,11 @@ impl Default for TsdfConfig {
 }
 
 impl TsdfConfig {
+    /// Whether anything loses weight.
+    pub(super) fn clears(&self) -> bool {
+        self.carve_step > 0.0 || self.absent_step > 0.0
+    }
+
     /// Whether it can work.
     pub(super) fn check(&self) -> Result<(), TsdfConfigError> {
         let check = |key, value: f64, ok: bool, limit| {

@@ -74,11 +74,12 @@ fn mask(boxes: &[Box], draws: &mut Draws) -> Option<Mask> {
 
 /// Every number of every block, as bits: what was never written too.
 fn numbers(tsdf: &Tsdf) -> Vec<(BlockKey, u64, Vec<[u32; 2]>)> {
-    let voxels = |block: &Block| {
+    let voxels = |block: &Voxels| {
         let both = block.sdf_m.iter().zip(&block.weight);
         both.map(|(sdf_m, weight)| [sdf_m.to_bits(), weight.to_bits()]).collect()
     };
-    tsdf.blocks.iter().map(|block| (block.key, block.frame, voxels(block))).collect()
+    let blocks = tsdf.heads.iter().zip(&tsdf.blocks);
+    blocks.map(|(head, block)| (head.key, head.frame, voxels(block))).collect()
 }
 
 proptest! {

@@ -1,6 +1,8 @@
 use geometry::{CameraIntrinsics, Pose3};
 use proptest::prelude::*;
 
+use geometry::Point3;
+
 use super::*;
 use crate::image::DepthImage;
 
@@ -95,6 +97,67 @@ proptest! {
             }
         }
     }
+}
+
+/// The surface of a scene that is seen from five places on an arc around a point 2 m ahead of the origin.
+fn surface_from_around(depth_along: impl Fn(&Point3, &nalgebra::Vector3<f64>) -> f64) -> Vec<Point3> {
+    let mut tsdf =
+        Tsdf::new(TsdfConfig { voxel_m: 0.05, truncation_m: 0.15, ..TsdfConfig::default() }).unwrap();
+    for step in -2..=2 {
+        let turn = nalgebra::Vector3::y() * (0.2 * f64::from(step));
+        let pivot = Pose3::translation(0.0, 0.0, 2.0);
+        let map_from_camera = pivot * Pose3::rotation(turn) * pivot.inverse();
+        let eye = Point3::from(map_from_camera.translation.vector);
+        let depth_mm: Vec<u16> = (0..WIDTH * HEIGHT)
+            .map(|idx| {
+                let ray_camera = CAMERA.unproject((idx % WIDTH) as f64, (idx / WIDTH) as f64, 1.0).coords;
+                let depth_m = depth_along(&eye, &(map_from_camera.rotation * ray_camera));
+                if depth_m.is_finite() && depth_m > 0.0 {
+                    (depth_m * 1000.0).round().min(9000.0) as u16
+                } else {
+                    0
+                }
+            })
+            .collect();
+        let depth = DepthImage::new(CAMERA.width, CAMERA.height, &depth_mm).unwrap();
+        let frame = DepthFrame::new(depth, CAMERA, map_from_camera).unwrap();
+        for _ in 0..2 {
+            tsdf.integrate(&frame, None).unwrap();
+        }
+    }
+    tsdf.surface_points()
+}
+
+#[track_caller]
+fn check_no_bias(off_m: &[f64]) {
+    assert!(off_m.len() > 300, "{} points", off_m.len());
+    let mean_m = off_m.iter().sum::<f64>() / off_m.len() as f64;
+    assert!(mean_m.abs() < 0.003, "{mean_m} m off on average");
+    let n_close = off_m.iter().filter(|m| m.abs() < 0.008).count();
+    assert!(n_close * 100 >= off_m.len() * 95, "{n_close} of {} within 8 mm", off_m.len());
+    let worst_m = off_m.iter().fold(0.0_f64, |worst, m| worst.max(m.abs()));
+    assert!(worst_m < 0.025, "{worst_m} m off at worst: half a voxel");
+}
+
+#[test]
+fn the_surface_of_a_tilted_plane_seen_from_several_places_has_no_bias() {
+    let normal = nalgebra::Vector3::new(0.25, -0.35, 1.0).normalize();
+    let points = surface_from_around(|eye, ray| (2.0 * normal.z - normal.dot(&eye.coords)) / normal.dot(ray));
+    check_no_bias(&points.iter().map(|p| normal.dot(&p.coords) - 2.0 * normal.z).collect::<Vec<_>>());
+}
+
+#[test]
+fn the_surface_of_a_ball_seen_from_several_places_has_no_bias() {
+    let (middle, radius_m) = (Point3::new(0.0, 0.0, 2.3), 0.7);
+    let points = surface_from_around(|eye, ray| {
+        let (to, squared) = (middle - eye, ray.norm_squared());
+        let half = ray.dot(&to);
+        let root = half * half - squared * (to.norm_squared() - radius_m * radius_m);
+        (half - root.sqrt()) / squared
+    });
+    // Its rim is seen at a grazing angle.
+    let near = points.iter().filter(|p| (*p - middle).normalize().z < -0.5);
+    check_no_bias(&near.map(|p| (p - middle).norm() - radius_m).collect::<Vec<_>>());
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! Reading and decoding are not timed, nor is making the mask, which comes from a model.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
@@ -33,6 +33,9 @@ pub struct Arguments {
     /// One JSON object a line instead of a table.
     #[arg(long)]
     json: bool,
+    /// Also write the surface at 5 cm from whole frames without carving to this file, a point a line: x y z, metres.
+    #[arg(long, value_name = "FILE")]
+    surface: Option<PathBuf>,
 }
 
 /// What one row says.
@@ -80,6 +83,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
                         times.time(&clock, || tsdf.integrate(&frame, mask)).context(mode)?;
                     }
                 }
+                let is_compared = voxel_m > 0.03 && mask.is_none() && !carve;
+                if let Some(file) = arguments.surface.as_ref().filter(|_| is_compared) {
+                    write_surface(file, &tsdf)?;
+                }
                 tell(
                     arguments.json,
                     &Row {
@@ -96,6 +103,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the points of a surface, one a line.
+fn write_surface(file: &Path, tsdf: &Tsdf) -> anyhow::Result<()> {
+    let lines =
+        tsdf.surface_points().iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect::<String>();
+    std::fs::write(file, lines).with_context(|| format!("write {}", file.display()))
 }
 
 fn config(voxel_m: f64, carve: bool) -> TsdfConfig {
