@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use super::frustum::Frustum;
 use super::slab::NEAR_M;
-use super::tiles::{COSINE_MIN, SIDE_SPARE, SPAN_PX, is_asked, side_for};
+use super::tiles::{BEND_MAX, COSINE_MIN, SIDE_SPARE, SPAN_PX, is_asked, side_for};
 use super::{BLOCK_SIDE, BLOCK_VOXELS, BlockKey, Integrated, Tsdf, TsdfConfig};
 use crate::image::{DepthFrame, Mask};
 use crate::projection::TrustedDepth;
@@ -145,9 +145,9 @@ impl Slow<'_> {
         }
         let (u, v) = (u as i32, v as i32);
         let at = |u: i32, v: i32| self.depth_mm(u, v).filter(|mm| *mm > 0).map(|mm| 1000.0 / f32::from(mm));
-        let all = (at(u, v), at(u - SPAN_PX, v), at(u + SPAN_PX, v), at(u, v - SPAN_PX), at(u, v + SPAN_PX));
-        let (Some(here), Some(left), Some(right), Some(up), Some(down)) = all else { return 1.0 };
-        let (a, b) = ((right - left) / (2 * SPAN_PX) as f32, (down - up) / (2 * SPAN_PX) as f32);
+        let Some(here) = at(u, v) else { return 1.0 };
+        let a = slope(at(u - SPAN_PX, v), here, at(u + SPAN_PX, v));
+        let b = slope(at(u, v - SPAN_PX), here, at(u, v + SPAN_PX));
         let (x, y) = (u as f32 - self.centre[0], v as f32 - self.centre[1]);
         let normal = Vector3::new(a * self.focal[0], b * self.focal[1], here - a * x - b * y);
         let cosine = (here / normal.norm()).clamp(COSINE_MIN, 1.0);
@@ -218,4 +218,16 @@ impl Slow<'_> {
         }
         learnt
     }
+}
+
+/// Slope at the middle of three pixels in line, of which the outer ones may have no depth.
+fn slope(before: Option<f32>, here: f32, after: Option<f32>) -> f32 {
+    let step = match (before.map(|before| here - before), after.map(|after| after - here)) {
+        (None, None) => 0.0,
+        (Some(only), None) | (None, Some(only)) => only,
+        (Some(from), Some(to)) if (to - from).abs() <= BEND_MAX * here => 0.5 * (from + to),
+        (Some(from), Some(to)) if from.abs() < to.abs() => from,
+        (Some(_), Some(to)) => to,
+    };
+    step / SPAN_PX as f32
 }

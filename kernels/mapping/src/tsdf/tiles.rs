@@ -18,6 +18,8 @@ const SIDE_VOXELS: f64 = 1.5;
 pub(super) const SIDE_SPARE: usize = 4;
 /// Slopes are measured over this many pixels to both sides.
 pub(super) const SPAN_PX: i32 = 2;
+/// Three inverse depths in line, times depth, may bend this much and still be one plane.
+pub(super) const BEND_MAX: f32 = 0.04;
 /// Least cosine between ray and surface normal that is believed: below it a slope is mostly an edge or noise.
 pub(super) const COSINE_MIN: f32 = 0.15;
 /// A cosine of one: they are kept as whole numbers.
@@ -144,15 +146,12 @@ impl Look<'_, '_> {
         let mut found = [0_u8; LANES];
         let (focal, centre) = ([camera.fx as f32, camera.fy as f32], [camera.cx as f32, camera.cy as f32]);
         for n in 0..LANES {
-            let span_px = 2.0 * SPAN_PX as f32;
-            let (a, b) = ((right[n] - left[n]) / span_px, (down[n] - up[n]) / span_px);
+            let (a, b) = (slope(left[n], here[n], right[n]), slope(up[n], here[n], down[n]));
             let (col, row) = (place[0][n] as f32 - centre[0], place[1][n] as f32 - centre[1]);
             let normal = [a * focal[0], b * focal[1], here[n] - a * col - b * row];
             let norm = (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt();
             let cosine = (here[n] / norm).clamp(COSINE_MIN, 1.0);
-            let is_known = (left[n] > 0.0) & (right[n] > 0.0) & (up[n] > 0.0) & (down[n] > 0.0);
-            let whole = nearest(if is_known { cosine } else { 1.0 } * COSINE_ONE);
-            found[n] = whole as u8;
+            found[n] = nearest(cosine * COSINE_ONE) as u8;
         }
         for (shown, found) in batch.iter().zip(found) {
             if let Some(cosine) = cosines.get_mut(shown.tile) {
@@ -180,6 +179,22 @@ impl Look<'_, '_> {
         }
         inverse
     }
+}
+
+/// Slope of inverse depth by pixel at the middle of three in line, of which the outer ones may have none (0). At an edge
+/// it is that of the side which lies on the surface.
+#[inline(always)]
+fn slope(before: f32, here: f32, after: f32) -> f32 {
+    let (from, to) = (here - before, after - here);
+    let is_before_nearer = from.abs() < to.abs();
+    let nearer = if is_before_nearer { from } else { to };
+    let is_straight = (to - from).abs() <= BEND_MAX * here;
+    let both = if is_straight { 0.5 * (from + to) } else { nearer };
+    let only = if before > 0.0 { from } else { to };
+    let has_both = (before > 0.0) & (after > 0.0);
+    let has_any = (before > 0.0) | (after > 0.0);
+    let step = if has_both { both } else { only };
+    if has_any { step / SPAN_PX as f32 } else { 0.0 }
 }
 
 /// A pixel whose surface blocks are reserved for.
