@@ -8,7 +8,6 @@
 use std::f32::consts::SQRT_2;
 
 use geometry::Point2;
-use mapping::Cell;
 use wide::f32x4;
 
 use crate::costmap::{Blocked, Costmap, Weights};
@@ -63,15 +62,16 @@ pub fn shortest_path(map: &Costmap, start: Point2, goal: Point2) -> Result<Vec<P
         Blocked::Obstacle => return Err(NoPath::GoalAtObstacle),
         Blocked::Zone(zone_idx) => return Err(NoPath::GoalInZone { zone_idx }),
     }
-    let mut search = Search::new(map.weights());
-    let [from, to] = [start_cell, goal_cell].map(|cell| search.position(cell));
+    let weights = map.weights();
+    let mut search = Search::new(weights);
+    let [from, to] = [start_cell, goal_cell].map(|cell| weights.position(cell));
     search.run(from, to);
     let mut path = vec![goal];
     let (mut here, mut step) = (to, 0);
     while here != from {
         (here, step) = search.before(here, step).ok_or(NoPath::Closed)?;
         if here != from {
-            path.push(layout.centre(search.cell(here)));
+            path.push(layout.centre(weights.cell(here)));
         }
     }
     path.push(start);
@@ -112,14 +112,6 @@ impl<'a> Search<'a> {
         let stride = weights.stride as isize;
         let ways = STEPS.map(|(dx, dy)| dy as isize * stride + dx as isize);
         Search { weights, costs: vec![f32::INFINITY; weights.values.len()], ways }
-    }
-
-    fn position(&self, cell: Cell) -> usize {
-        (cell.row + 1) * self.weights.stride + cell.col + 1
-    }
-
-    fn cell(&self, position: usize) -> Cell {
-        Cell { col: position % self.weights.stride - 1, row: position / self.weights.stride - 1 }
     }
 
     /// Finds the cheapest way to the goal, if there is one.
@@ -290,7 +282,7 @@ impl Buckets {
 mod tests {
     use super::*;
     use geometry::Profile;
-    use mapping::{Grid, Layout, Occupancy, Shape};
+    use mapping::{Cell, Grid, Layout, Occupancy, Shape};
     use proptest::prelude::*;
 
     fn room() -> Grid<Occupancy> {

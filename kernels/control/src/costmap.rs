@@ -57,8 +57,14 @@ impl Weights {
         Weights { stride, values: vec![f32::INFINITY; stride * (shape.n_rows + 2) + 1] }
     }
 
-    fn position(&self, cell: Cell) -> usize {
+    /// Where a cell of the map lies among the values.
+    pub(crate) fn position(&self, cell: Cell) -> usize {
         (cell.row + 1) * self.stride + cell.col + 1
+    }
+
+    /// The cell of the map that lies at a position.
+    pub(crate) fn cell(&self, position: usize) -> Cell {
+        Cell { col: position % self.stride - 1, row: position / self.stride - 1 }
     }
 }
 

@@ -54,6 +54,16 @@ impl Pose2 {
         Point2::new(self.x_m + cos * point.x - sin * point.y, self.y_m + sin * point.x + cos * point.y)
     }
 
+    /// The pose that lies this share of the way to another one, 0 here and 1 there: straight, turning the shorter way.
+    #[must_use]
+    pub fn towards(&self, other: &Pose2, share: f64) -> Self {
+        Pose2::new(
+            self.x_m + share * (other.x_m - self.x_m),
+            self.y_m + share * (other.y_m - self.y_m),
+            self.yaw_rad + share * wrapped(other.yaw_rad - self.yaw_rad),
+        )
+    }
+
     /// The pose reached by an exact arc: `twist` held for `seconds`, starting here.
     #[must_use]
     pub fn along_arc(&self, speed_m_s: f64, yaw_rate_rad_s: f64, seconds: f64) -> Self {
@@ -117,6 +127,14 @@ mod tests {
         #[test]
         fn composition_is_associative(a in any_pose(), b in any_pose(), c in any_pose()) {
             prop_assert!(close((a * b) * c, a * (b * c)));
+        }
+
+        #[test]
+        fn the_way_to_another_pose_ends_there_and_turns_by_no_more_than_half_a_circle(a in any_pose(), b in any_pose()) {
+            prop_assert!(close(a.towards(&b, 0.0), a) && close(a.towards(&b, 1.0), b));
+            let half = a.towards(&b, 0.5);
+            prop_assert!((half.position() - nalgebra::center(&a.position(), &b.position())).norm() < 1e-9);
+            prop_assert!(wrapped(half.yaw_rad - a.yaw_rad).abs() <= std::f64::consts::FRAC_PI_2 + 1e-9);
         }
 
         #[test]

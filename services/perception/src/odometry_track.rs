@@ -8,7 +8,6 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use geometry::Pose2;
-use geometry::angle::wrapped;
 use proto::Odometry;
 
 /// Most samples kept: ten seconds at 50 Hz.
@@ -125,11 +124,7 @@ impl OdometryTrack {
             return Err(NoPose::Never(format!("odometry has a gap of {gap_ms} ms, at most {limit_ms}")));
         }
         let share = (stamp_ns - earlier_ns) as f64 / (later_ns - earlier_ns) as f64;
-        Ok(Pose2::new(
-            earlier.x_m + share * (later.x_m - earlier.x_m),
-            earlier.y_m + share * (later.y_m - earlier.y_m),
-            earlier.yaw_rad + share * wrapped(later.yaw_rad - earlier.yaw_rad),
-        ))
+        Ok(earlier.towards(&later, share))
     }
 }
 

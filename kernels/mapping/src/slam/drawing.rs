@@ -1,6 +1,5 @@
 //! The base map, drawn from kept scans at the poses of their sub-maps, and drawn anew when those move.
 
-use geometry::angle::wrapped;
 use geometry::{Point2, Pose2};
 
 use super::config::SlamConfig;
@@ -176,11 +175,7 @@ impl Drawing {
         let Some((far_before, before)) = near(after.checked_sub(1)) else { return map_from_base };
         let (far_after, after) = near(Some(after)).unwrap_or((f64::INFINITY, before));
         let share = if far_before > 0.0 { far_before / (far_before + far_after) } else { 0.0 };
-        Pose2::new(
-            before.x_m + share * (after.x_m - before.x_m),
-            before.y_m + share * (after.y_m - before.y_m),
-            before.yaw_rad + share * wrapped(after.yaw_rad - before.yaw_rad),
-        )
+        before.towards(&after, share)
     }
 
     /// Moves the kept scans to where all that was seen says they were taken.

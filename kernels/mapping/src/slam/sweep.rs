@@ -141,6 +141,7 @@ mod tests {
         sweep.look(1, Pose2::new(10.0, 0.0, 0.0), &[at(0.0, 0.85)]);
         assert_eq!(sweep.decide(2), None, "one of two twins was taken");
     }
+
     #[test]
     fn a_place_is_left_for_one_that_fits_better_and_for_none_of_twins() {
         let compared = |found: &[Candidate], here_score: f64| {

@@ -135,12 +135,7 @@ impl Bench {
         let n_steps = (seconds * 50.0).round() as u64;
         for step in 1..=n_steps {
             let share = step as f64 / n_steps as f64;
-            let turn_rad = geometry::angle::wrapped(to.yaw_rad - from.yaw_rad);
-            self.world_from_base = Pose2::new(
-                from.x_m + share * (to.x_m - from.x_m),
-                from.y_m + share * (to.y_m - from.y_m),
-                from.yaw_rad + share * turn_rad,
-            );
+            self.world_from_base = from.towards(&to, share);
             self.advance();
         }
     }
