@@ -173,11 +173,7 @@ impl<'a> TrustedDepth<'a> {
         if largest <= self.edge_relative {
             return false;
         }
-        if largest > EDGE_ALWAYS || before <= 0.0 || after <= 0.0 {
-            return true;
-        }
-        let (step, next_step) = (1.0 / here - 1.0 / before, 1.0 / after - 1.0 / here);
-        (next_step - step).abs() > BEND_MAX * step.abs().max(next_step.abs())
+        largest > EDGE_ALWAYS || !is_straight(before, here, after)
     }
 
     /// Whether a pixel within `erode_px` of the mask's border lies behind something as close by.
@@ -190,32 +186,42 @@ impl<'a> TrustedDepth<'a> {
             bits[idx - off] & bits[idx + off] & bits[idx - off * self.width] & bits[idx + off * self.width]
         };
         // Most pixels are well inside.
-        if is_within && (1..=reach).all(is_inside) {
-            return false;
-        }
-        self.is_behind_border(col, row, depth_m)
+        let is_at_border = if is_within {
+            !(1..=reach).all(is_inside)
+        } else {
+            self.beside(col, row).any(|(step, room)| {
+                (1..=reach.min(room)).any(|off| !bits[idx.wrapping_add_signed(step * off as isize)])
+            })
+        };
+        is_at_border && self.is_behind(col, row, depth_m)
     }
 
-    /// [`Self::is_leak`], anywhere in a mask.
-    fn is_behind_border(&self, col: usize, row: usize, depth_m: f32) -> bool {
-        let idx = row * self.width + col;
-        let closer_m = depth_m * (1.0 - LEAK);
-        let (mut at_border, mut behind) = (false, false);
-        for off in 1..=self.erode_px {
-            let neighbours = [
-                (col >= off).then(|| idx - off),
-                (col + off < self.width).then(|| idx + off),
-                (row >= off).then(|| idx - off * self.width),
-                (row + off < self.height).then(|| idx + off * self.width),
-            ];
-            for neighbour in neighbours.into_iter().flatten() {
-                at_border |= !self.in_mask(neighbour);
-                let there_m = self.raw_m(neighbour);
-                behind |= there_m > 0.0 && there_m < closer_m;
-            }
-        }
-        at_border && behind
+    /// Steps from a pixel to each side, and how many there are to the image's border.
+    #[inline(always)]
+    fn beside(&self, col: usize, row: usize) -> impl Iterator<Item = (isize, usize)> + use<> {
+        let (stride, to_right, to_low) = (self.width as isize, self.width - 1 - col, self.height - 1 - row);
+        [(-1, col), (1, to_right), (-stride, row), (stride, to_low)].into_iter()
     }
+
+    /// Whether a pixel lies behind something within `erode_px` that is not the same surface.
+    fn is_behind(&self, col: usize, row: usize, depth_m: f32) -> bool {
+        let (idx, closer_m) = (row * self.width + col, depth_m * (1.0 - LEAK));
+        self.beside(col, row).any(|(step, room)| {
+            let there_m = |off: usize| self.raw_m(idx.wrapping_add_signed(step * off as isize));
+            let is_nearer = |there_m: f32| there_m > 0.0 && there_m < closer_m;
+            // What comes nearer evenly is the same surface, seen at an angle.
+            (1..=self.erode_px.min(room)).any(|off| is_nearer(there_m(off)))
+                && !(room >= 2 && is_straight(depth_m, there_m(1), there_m(2)))
+        })
+    }
+}
+
+/// Whether three depths in line, metres, 0 where there is none, are those of a plane: inverse depth is linear on it.
+#[inline(always)]
+fn is_straight(first_m: f32, second_m: f32, third_m: f32) -> bool {
+    let (step, next_step) = (1.0 / second_m - 1.0 / first_m, 1.0 / third_m - 1.0 / second_m);
+    let bend = (next_step - step).abs() / step.abs().max(next_step.abs());
+    first_m > 0.0 && second_m > 0.0 && third_m > 0.0 && bend <= BEND_MAX
 }
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ mod config;
 mod frustum;
 mod seen;
 mod slab;
+mod slant;
 mod surface;
 mod tiles;
 mod update;
@@ -144,7 +145,15 @@ impl Tsdf {
         let side = side_for(camera.fx.min(camera.fy), self.config.voxel_m, self.config.limits.max_m);
         let rays = Rays::new(frame, &self.config);
         let mut tiles = std::mem::take(&mut self.tiles);
-        let wanted = isa.run(Cut { frame, seen: &seen, rays: &rays, side, tiles: &mut tiles });
+        let wanted = isa.run(Cut {
+            frame,
+            seen: &seen,
+            mask: bits,
+            config: &self.config,
+            rays: &rays,
+            side,
+            tiles: &mut tiles,
+        });
         let mut reserved = Vec::new();
         let n_blocks_refused = wanted.into_iter().filter(|key| !self.touch(*key, &mut reserved)).count();
         let mut done = Integrated { n_blocks_refused, ..Integrated::default() };

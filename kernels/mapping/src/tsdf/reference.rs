@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 
 use super::frustum::Frustum;
 use super::slab::NEAR_M;
-use super::tiles::{BEND_MAX, COSINE_MIN, SIDE_SPARE, SPAN_PX, is_asked, side_for};
+use super::slant::{BEND_MAX, COSINE_FACING, COSINE_MIN, FRONT_ALL, N_FEET, NOISE, SPAN_PX};
+use super::tiles::{SIDE_SPARE, is_asked, side_for};
 use super::{BLOCK_SIDE, BLOCK_VOXELS, BlockKey, Integrated, Tsdf, TsdfConfig};
 use crate::image::{DepthFrame, Mask};
 use crate::projection::TrustedDepth;
@@ -98,24 +99,24 @@ impl Slow<'_> {
         let (cols, rows) = self.trusted.bounds();
         let (mut last, mut n_refused) = ([[i32::MAX; 3]; 3], 0);
         for row in (rows.start / self.side..rows.end.div_ceil(self.side)).map(|row| row * self.side) {
-            // The middles of a row of tiles come first.
-            let (mut pixels, mut others) = (Vec::new(), Vec::new());
+            // One pixel of each tile of a row comes first.
+            let (mut pixels, mut firsts, mut others) = (Vec::new(), Vec::new(), Vec::new());
             for col in (cols.start / self.side..cols.end.div_ceil(self.side)).map(|col| col * self.side) {
                 if self.side >= SIDE_SPARE && !is_asked(col / self.side, row / self.side) {
                     continue;
                 }
-                let middle = self.middle(col, row);
-                let (quarter, end) = (self.side / 4, self.side - 1);
-                if self.trusted.at_in_mask(middle.0, middle.1).is_some() {
-                    pixels.push(middle);
-                } else if self.side >= 4 {
-                    others.extend(
-                        [(quarter, quarter), (end, quarter), (quarter, end)].map(|(c, r)| (col + c, row + r)),
-                    );
+                match self.shown(col, row).as_slice() {
+                    [] => {}
+                    [only] if *only == self.middle(col, row) => pixels.push(*only),
+                    [first, rest @ ..] => {
+                        firsts.push(*first);
+                        others.extend_from_slice(rest);
+                    }
                 }
             }
+            pixels.append(&mut firsts);
             pixels.append(&mut others);
-            for (col, row) in pixels.into_iter().filter(|(c, r)| cols.contains(c) && rows.contains(r)) {
+            for (col, row) in pixels {
                 let Some(depth_m) = self.trusted.at_in_mask(col, row) else { continue };
                 let ray = turn * frame.intrinsics().unproject(col as f64, row as f64, 1.0).coords;
                 for (step, last) in [-1.0, 0.0, 1.0].into_iter().zip(&mut last) {
@@ -137,21 +138,66 @@ impl Slow<'_> {
         (middle(col).clamp(cols.start, cols.end - 1), middle(row).clamp(rows.start, rows.end - 1))
     }
 
-    /// Metres across the surface for each along the optical axis, as the middle of a pixel's tile sees it.
-    fn cosine(&self, u: usize, v: usize) -> f32 {
-        let (u, v) = self.middle(u, v);
-        if self.trusted.at_in_mask(u, v).is_none() {
-            return 1.0;
+    /// Trusted pixels of the tile of a pixel: its middle, or else up to three others.
+    fn shown(&self, col: usize, row: usize) -> Vec<(usize, usize)> {
+        let (cols, rows) = self.trusted.bounds();
+        let is_shown = |(c, r): &(usize, usize)| {
+            cols.contains(c) && rows.contains(r) && self.trusted.at_in_mask(*c, *r).is_some()
+        };
+        let middle = self.middle(col, row);
+        if is_shown(&middle) {
+            return vec![middle];
         }
+        let (col, row) = (col / self.side * self.side, row / self.side * self.side);
+        let (quarter, end) = (self.side / 4, self.side - 1);
+        let others = [(quarter, quarter), (end, quarter), (quarter, end)];
+        others.map(|(c, r)| (col + c, row + r)).into_iter().filter(is_shown).collect()
+    }
+
+    /// Metres across the surface for each along the optical axis, as the tile of a pixel shows it, and how far behind it
+    /// along that axis, and how far in front, voxels have their foot on it, metres.
+    fn turned(&self, u: usize, v: usize) -> [f32; 3] {
+        let voxel_m = self.config.voxel_m as f32;
+        let truncation = self.config.truncation_m as f32 / voxel_m;
+        let parts = |share: f32, n: f32| (share * n).round_ties_even().clamp(0.0, 255.0);
+        let kept = |cosine, behind, front| {
+            let reach_m = |voxels| parts(voxels, 16.0) * (1.0 / 16.0) * voxel_m;
+            [parts(cosine, 255.0) * (1.0 / 255.0), reach_m(behind), reach_m(front)]
+        };
+        let Some(&(u, v)) = self.shown(u, v).first() else { return kept(1.0, truncation, FRONT_ALL) };
         let (u, v) = (u as i32, v as i32);
         let at = |u: i32, v: i32| self.depth_mm(u, v).filter(|mm| *mm > 0).map(|mm| 1000.0 / f32::from(mm));
-        let Some(here) = at(u, v) else { return 1.0 };
+        let here = at(u, v).unwrap();
         let a = slope(at(u - SPAN_PX, v), here, at(u + SPAN_PX, v));
         let b = slope(at(u, v - SPAN_PX), here, at(u, v + SPAN_PX));
         let (x, y) = (u as f32 - self.centre[0], v as f32 - self.centre[1]);
         let normal = Vector3::new(a * self.focal[0], b * self.focal[1], here - a * x - b * y);
         let cosine = (here / normal.norm()).clamp(COSINE_MIN, 1.0);
-        (cosine * 255.0).round_ties_even() * (1.0 / 255.0)
+        // The foot of a voxel behind the pixel's point, on its plane: columns and rows times depth, and depth.
+        let (across, depth_m) = (cosine / normal.norm(), 1.0 / here);
+        let grain_m = 0.5 * (a.abs() + b.abs()) * depth_m * depth_m;
+        let step = Vector3::new(
+            x - across * normal.x * self.focal[0],
+            y - across * normal.y * self.focal[1],
+            1.0 - across * normal.z,
+        );
+        let reach = |side: f32| {
+            let goes_on = |share: &f32| {
+                let behind_m = side * share / cosine * voxel_m;
+                let foot = Vector3::new(x * depth_m, y * depth_m, depth_m) + step * behind_m;
+                let inverse = 1.0 / foot.z;
+                let [u, v] =
+                    [0, 1].map(|axis| (foot[axis] * inverse + self.centre[axis]).round_ties_even() as i32);
+                let mm = self.depth_mm(u, v).filter(|_| self.in_mask(u, v)).unwrap_or(0);
+                (f32::from(mm) * 0.001 - foot.z).abs() <= voxel_m + grain_m + NOISE * foot.z
+            };
+            if cosine >= COSINE_FACING || goes_on(&1.0) {
+                return f32::INFINITY;
+            }
+            let feet = (1..N_FEET).map(|nth| nth as f32 / N_FEET as f32);
+            feet.take_while(goes_on).last().map_or(1.0, |last| (last / cosine).max(1.0))
+        };
+        kept(cosine, reach(1.0).min(truncation.max(1.0 / cosine)), reach(-1.0).min(FRONT_ALL))
     }
 
     fn depth_mm(&self, u: i32, v: i32) -> Option<u16> {
@@ -178,9 +224,10 @@ impl Slow<'_> {
         let Some(mm) = self.depth_mm(u, v).filter(|mm| *mm > 0) else { return Learnt::Nothing };
         let ahead_m = f32::from(mm) * 0.001 - z_m;
         if self.trusted.at_in_mask(u as usize, v as usize).is_some() {
-            let off_m = ahead_m * self.cosine(u as usize, v as usize);
+            let [cosine, behind_m, front_m] = self.turned(u as usize, v as usize);
+            let off_m = if ahead_m > front_m { ahead_m } else { ahead_m * cosine };
             let is_far = off_m > truncation_m;
-            if ahead_m < -truncation_m && off_m < -voxel_m {
+            if ahead_m < -behind_m {
                 return Learnt::Nothing;
             }
             let is_worn = clears && mean_m.is_some_and(|mean_m| mean_m < voxel_m);

@@ -3,7 +3,7 @@
 //! Arrays in, arrays out, one written order of operations: every instruction set computes the same.
 
 use super::BLOCK_SIDE;
-use super::tiles::COSINE_ONE;
+use super::slant::{Turned, parts};
 use super::update::View;
 
 /// Voxels of a slab.
@@ -20,8 +20,8 @@ pub(super) struct Slab {
     pub(super) row: [i32; N_SLAB],
     /// Trusted depth of the object there, millimetres; 0 is none.
     pub(super) seen_mm: [i32; N_SLAB],
-    /// How the surface there is turned, as in `Tiles`.
-    pub(super) cosine: [i32; N_SLAB],
+    /// How the surface there is turned.
+    pub(super) turned: [Turned; N_SLAB],
 }
 
 /// From the first voxel of a slab to each one, as [`Frustum::in_image`](super::frustum::Frustum).
@@ -43,14 +43,17 @@ impl Slab {
         col: [0; N_SLAB],
         row: [0; N_SLAB],
         seen_mm: [0; N_SLAB],
-        cosine: [0; N_SLAB],
+        turned: [0; N_SLAB],
     };
 
-    /// How far the surface that a voxel sees is behind it: along the optical axis and across the surface, metres.
+    /// How far the surface that a voxel sees is behind it, metres, and whether it is near enough to belong to it: across
+    /// the surface if the voxel's foot is on it, or else along the optical axis.
     #[inline(always)]
-    pub(super) fn ahead_m(&self, n: usize) -> (f32, f32) {
+    pub(super) fn off_m(&self, n: usize, voxel_m: f32) -> (f32, bool) {
         let ahead_m = self.seen_mm[n] as f32 * 0.001 - self.z_m[n];
-        (ahead_m, ahead_m * (self.cosine[n] as f32 * (1.0 / COSINE_ONE)))
+        let (cosine, [behind, front]) = parts(self.turned[n]);
+        let cosine = if ahead_m > front * voxel_m { 1.0 } else { cosine };
+        (ahead_m * cosine, ahead_m >= -behind * voxel_m)
     }
 
     /// Finds where the voxels of a slab are seen, and what is seen of the object there; whether there is any.
@@ -82,8 +85,8 @@ impl Slab {
         for (mm, place) in self.seen_mm.iter_mut().zip(&place) {
             *mm = view.seen_mm.get(*place as usize).map_or(0, |mm| i32::from(*mm));
         }
-        for (cosine, tile) in self.cosine.iter_mut().zip(&tile) {
-            *cosine = tiles.cosines.get(*tile as usize).map_or(0, |cosine| i32::from(*cosine));
+        for (turned, tile) in self.turned.iter_mut().zip(&tile) {
+            *turned = tiles.turned.get(*tile as usize).copied().unwrap_or(0);
         }
         true
     }

@@ -5,7 +5,7 @@
 use geometry::Point3;
 use nalgebra::Vector3;
 
-use super::{BLOCK_SIDE, BlockKey, Tsdf, Voxels};
+use super::{BLOCK_SIDE, BLOCK_VOXELS, BlockKey, Tsdf, Voxels};
 
 /// A piece of surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,10 +26,7 @@ impl Tsdf {
                 key[axis] = key[axis].wrapping_add(1);
                 self.blocks.get(*self.index.get(&key)? as usize)
             });
-            let place = move |voxel: usize| {
-                [voxel % BLOCK_SIDE, voxel / BLOCK_SIDE % BLOCK_SIDE, voxel / (BLOCK_SIDE * BLOCK_SIDE)]
-            };
-            (0..super::BLOCK_VOXELS).flat_map(move |voxel| {
+            (0..BLOCK_VOXELS).flat_map(move |voxel| {
                 let at = place(voxel);
                 (0..3).filter_map(move |axis| {
                     let (share, weight) = self.passing(block, beside[axis], (voxel, at[axis]), axis)?;
@@ -43,6 +40,51 @@ impl Tsdf {
     #[must_use]
     pub fn surface_points(&self) -> Vec<Point3> {
         self.surface().map(|piece| piece.point_map).collect()
+    }
+
+    /// Points of all that the object covers, in `map`: one for each voxel within a voxel's side of the surface. For
+    /// footprints: what is thin, or seen from one side only, has such voxels where no surface passes between two.
+    #[must_use]
+    pub fn covered_points(&self) -> Vec<Point3> {
+        let near_m = self.config.voxel_m as f32;
+        let blocks = self.heads.iter().zip(&self.blocks);
+        let near = blocks.flat_map(|(head, block)| {
+            let is_near = move |voxel: &usize| {
+                block.weight[*voxel] >= self.config.weight_min && block.sdf_m[*voxel].abs() < near_m
+            };
+            (0..BLOCK_VOXELS).filter(is_near).map(|voxel| self.foot(head.key, block, voxel))
+        });
+        near.collect()
+    }
+
+    /// The foot of a voxel on the surface next to it, by the slope of distance there.
+    fn foot(&self, key: BlockKey, block: &Voxels, voxel: usize) -> Point3 {
+        let (at, here_m) = (place(voxel), block.sdf_m[voxel]);
+        let slope = Vector3::from([0, 1, 2].map(|axis| {
+            let beside = [-1, 1].map(|step| self.beside(key, at, axis, step));
+            f64::from(match beside {
+                [Some(before_m), Some(after_m)] => 0.5 * (after_m - before_m),
+                [Some(before_m), None] => here_m - before_m,
+                [None, Some(after_m)] => after_m - here_m,
+                [None, None] => 0.0,
+            })
+        }));
+        // The gradient of a distance has length one. It is shorter where neighbours are missing or both faces of something
+        // thin have been averaged: a shorter step then still leads towards the surface.
+        let gradient = slope / slope.norm().max(self.config.voxel_m);
+        self.between(key, at, 0, 0.0) - gradient * f64::from(here_m)
+    }
+
+    /// Distance of the voxel beside one that has weight.
+    fn beside(&self, key: BlockKey, at: [usize; 3], axis: usize, step: i32) -> Option<f32> {
+        let side = BLOCK_SIDE as i32;
+        let (mut key, mut at) = (key, at.map(|at| at as i32));
+        at[axis] += step;
+        key[axis] = key[axis].wrapping_add(at[axis].div_euclid(side));
+        let block = self.blocks.get(*self.index.get(&key)? as usize)?;
+        let [x, y, z] = at.map(|at| at.rem_euclid(side) as usize);
+        let voxel = x + BLOCK_SIDE * (y + BLOCK_SIDE * z);
+        (block.weight[voxel] > 0.0).then_some(block.sdf_m[voxel])
     }
 
     /// Where between a voxel and the next along an axis the surface passes, as a share of a voxel, and the weight there.
@@ -80,4 +122,9 @@ impl Tsdf {
         place[axis] += f64::from(share);
         Point3::from(Vector3::from(place) * self.config.voxel_m)
     }
+}
+
+/// Where in its block a voxel lies, along x, y and z.
+fn place(voxel: usize) -> [usize; 3] {
+    [voxel % BLOCK_SIDE, voxel / BLOCK_SIDE % BLOCK_SIDE, voxel / (BLOCK_SIDE * BLOCK_SIDE)]
 }

@@ -4,7 +4,7 @@
 //! flat over some pixels: what is found out once in the middle of a tile serves all voxels that look there.
 
 use super::seen::Seen;
-use super::slab::nearest;
+use super::slant::{Slanted, Turned, Turning};
 use super::{BLOCK_SIDE, BlockKey, TsdfConfig};
 use crate::image::DepthFrame;
 use crate::isa::Work;
@@ -13,19 +13,11 @@ use crate::isa::Work;
 const SIDE_MIN: usize = 2;
 const SIDE_MAX: usize = 8;
 /// A tile covers at most this many voxels at the far end of what is trusted.
-const SIDE_VOXELS: f64 = 1.5;
+const SIDE_VOXELS: f64 = 2.0;
 /// Of tiles of this side on every second is asked which blocks it needs: blocks are much larger.
 pub(super) const SIDE_SPARE: usize = 4;
-/// Slopes are measured over this many pixels to both sides.
-pub(super) const SPAN_PX: i32 = 2;
-/// Three inverse depths in line, times depth, may bend this much and still be one plane.
-pub(super) const BEND_MAX: f32 = 0.04;
-/// Least cosine between ray and surface normal that is believed: below it a slope is mostly an edge or noise.
-pub(super) const COSINE_MIN: f32 = 0.15;
-/// A cosine of one: they are kept as whole numbers.
-pub(super) const COSINE_ONE: f32 = 255.0;
 /// Pixels that are asked for at once: a vector of the widest instructions.
-const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 
 /// The tiles of the box around a mask.
 #[derive(Clone, Default)]
@@ -34,14 +26,15 @@ pub(super) struct Tiles {
     pub(super) shift: u32,
     pub(super) first: [u32; 2],
     pub(super) n_cols: u32,
-    /// Metres across the surface for each along the optical axis, of 255.
-    pub(super) cosines: Vec<u8>,
+    pub(super) turned: Vec<Turned>,
 }
 
 /// The cutting of what is seen into tiles, which were cut before: their space is used again.
 pub(super) struct Cut<'w, 'a> {
     pub(super) frame: &'w DepthFrame<'a>,
     pub(super) seen: &'w Seen,
+    pub(super) mask: Option<&'w [bool]>,
+    pub(super) config: &'w TsdfConfig,
     pub(super) rays: &'w Rays,
     /// Side of the tiles, pixels.
     pub(super) side: usize,
@@ -55,7 +48,7 @@ impl Work for Cut<'_, '_> {
     // Never fused: every instruction set computes the same.
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> Self::Output {
-        let (mut wanted, mut shown) = (Vec::new(), Vec::new());
+        let (mut wanted, mut shown, mut spare) = (Vec::new(), Vec::new(), Spare::default());
         let mut last = [[i32::MAX; 3]; 3];
         let (cols, rows) = self.seen.bounds();
         let first = [cols.start / self.side, rows.start / self.side];
@@ -64,16 +57,19 @@ impl Work for Cut<'_, '_> {
         tiles.shift = self.side.trailing_zeros();
         tiles.first = first.map(|first| first as u32);
         tiles.n_cols = n_tiles[0] as u32;
-        tiles.cosines.clear();
-        tiles.cosines.resize(n_tiles[0] * n_tiles[1], COSINE_ONE as u8);
-        let all = Look { frame: self.frame, seen: self.seen, side: self.side };
-        for (row, cosines) in (0..n_tiles[1]).zip(tiles.cosines.chunks_mut(n_tiles[0].max(1))) {
-            shown.clear();
+        let turning = Turning::new(self.frame, self.mask, self.config);
+        tiles.turned.clear();
+        tiles.turned.resize(n_tiles[0] * n_tiles[1], turning.facing());
+        let all = Look { seen: self.seen, side: self.side };
+        let mut slanted: Vec<Slanted> = Vec::new();
+        for (row, turned) in (0..n_tiles[1]).zip(tiles.turned.chunks_mut(n_tiles[0].max(1))) {
             let low_row = (first[1] + row) * self.side;
-            let n_middles = all.look_along(low_row, first[0], n_tiles[0], &mut shown);
-            for batch in shown.get(..n_middles).unwrap_or(&[]).chunks(LANES) {
-                all.turn(batch, cosines);
+            let n_turned = all.look_along(low_row, first[0], &mut shown, &mut spare);
+            for batch in shown.get(..n_turned).unwrap_or(&[]).chunks(LANES) {
+                turning.turn(batch, turned, &mut slanted);
             }
+            turning.reach(&slanted, turned);
+            slanted.clear();
             if self.side >= SIDE_SPARE {
                 shown.retain(|shown| is_asked(first[0] + shown.tile, first[1] + row));
             }
@@ -86,125 +82,66 @@ impl Work for Cut<'_, '_> {
 }
 
 /// What tiles are cut from.
-struct Look<'w, 'a> {
-    frame: &'w DepthFrame<'a>,
+struct Look<'w> {
     seen: &'w Seen,
     side: usize,
 }
 
-impl Look<'_, '_> {
-    /// Looks at the row of tiles that begins at a row of pixels: which pixels show a surface. First those in the middles
-    /// of tiles, of which it returns the number.
+impl Look<'_> {
+    /// Looks at the row of tiles that begins at a row of pixels: which pixels show a surface. First one for each tile, of
+    /// which it returns the number; `spare` is for its use.
     #[inline(always)]
-    fn look_along(&self, low_row: usize, first: usize, n_tiles: usize, shown: &mut Vec<Shown>) -> usize {
+    fn look_along(&self, low_row: usize, first: usize, shown: &mut Vec<Shown>, spare: &mut Spare) -> usize {
         let (side, (cols, rows)) = (self.side, self.seen.bounds());
         let row = (low_row + side / 2).clamp(rows.start, rows.end - 1);
         let line = self.seen.row(row);
-        let middle = |tile: usize| ((first + tile) * side + side / 2).clamp(cols.start, cols.end - 1);
-        for tile in 0..n_tiles {
-            let col = middle(tile);
+        shown.clear();
+        spare.open.clear();
+        spare.others.clear();
+        for tile in 0..cols.end.div_ceil(side) - first {
+            let col = ((first + tile) * side + side / 2).clamp(cols.start, cols.end - 1);
             let depth_mm = line.get(col - cols.start).copied().unwrap_or(0);
             if depth_mm > 0 {
                 shown.push(Shown { tile, col, row, depth_mm });
+            } else {
+                spare.open.push(tile);
             }
         }
-        let n_middles = shown.len();
-        if side < 4 || n_middles == n_tiles {
-            return n_middles;
-        }
-        // Something thin may pass beside the middle.
+        // Something thin, or the last of a surface, may pass beside the middle.
         let (quarter, last) = (side / 4, side - 1);
-        for tile in 0..n_tiles {
-            if line.get(middle(tile) - cols.start).is_some_and(|mm| *mm > 0) {
-                continue;
-            }
+        for tile in spare.open.iter().copied() {
+            let mut is_first = true;
             for (right, down) in [(quarter, quarter), (last, quarter), (quarter, last)] {
                 let (col, row) = ((first + tile) * side + right, low_row + down);
                 let depth_mm = self.seen.at(col, row);
                 if depth_mm > 0 {
-                    shown.push(Shown { tile, col, row, depth_mm });
+                    let list = if is_first { &mut *shown } else { &mut spare.others };
+                    list.push(Shown { tile, col, row, depth_mm });
+                    is_first = false;
                 }
             }
         }
-        n_middles
+        let n_turned = shown.len();
+        shown.append(&mut spare.others);
+        n_turned
     }
-
-    /// Finds how up to [`LANES`] tiles are turned. With 1/z = a·u + b·v + c around a pixel, the plane there is
-    /// n·P = 1 with n = (a·fx, b·fy, a·cx + b·cy + c), and a point P = ray·z is (1 − z/depth) / |n| in front of it.
-    #[inline(always)]
-    fn turn(&self, batch: &[Shown], cosines: &mut [u8]) {
-        let Some(rest) = batch.last() else { return };
-        let camera = self.frame.intrinsics();
-        let (mut place, mut here) = ([[0_i32; LANES]; 2], [0.0_f32; LANES]);
-        for n in 0..LANES {
-            let shown = batch.get(n).unwrap_or(rest);
-            (place[0][n], place[1][n]) = (shown.col as i32, shown.row as i32);
-            here[n] = 1000.0 / f32::from(shown.depth_mm);
-        }
-        let [left, right] = [-SPAN_PX, SPAN_PX].map(|off| self.inverse(&place, (off, 0)));
-        let [up, down] = [-SPAN_PX, SPAN_PX].map(|off| self.inverse(&place, (0, off)));
-        let mut found = [0_u8; LANES];
-        let (focal, centre) = ([camera.fx as f32, camera.fy as f32], [camera.cx as f32, camera.cy as f32]);
-        for n in 0..LANES {
-            let (a, b) = (slope(left[n], here[n], right[n]), slope(up[n], here[n], down[n]));
-            let (col, row) = (place[0][n] as f32 - centre[0], place[1][n] as f32 - centre[1]);
-            let normal = [a * focal[0], b * focal[1], here[n] - a * col - b * row];
-            let norm = (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt();
-            let cosine = (here[n] / norm).clamp(COSINE_MIN, 1.0);
-            found[n] = nearest(cosine * COSINE_ONE) as u8;
-        }
-        for (shown, found) in batch.iter().zip(found) {
-            if let Some(cosine) = cosines.get_mut(shown.tile) {
-                *cosine = found;
-            }
-        }
-    }
-
-    /// Inverse depth beside pixels, masked or not; 0 where there is none.
-    #[inline(always)]
-    fn inverse(&self, place: &[[i32; LANES]; 2], (right, down): (i32, i32)) -> [f32; LANES] {
-        let (width, height) = (self.frame.depth().width(), self.frame.depth().height());
-        let mut mm = [0_u16; LANES];
-        for n in 0..LANES {
-            // Left of the image, or above, comes out larger than any image.
-            let col = place[0][n].wrapping_add(right) as u32;
-            let row = place[1][n].wrapping_add(down) as u32;
-            let idx = row.wrapping_mul(width).wrapping_add(col) as usize;
-            let is_inside = (col < width) & (row < height);
-            mm[n] = if is_inside { self.frame.depth().depth_mm().get(idx).copied().unwrap_or(0) } else { 0 };
-        }
-        let mut inverse = [0.0_f32; LANES];
-        for n in 0..LANES {
-            inverse[n] = if mm[n] > 0 { 1000.0 / f32::from(mm[n]) } else { 0.0 };
-        }
-        inverse
-    }
-}
-
-/// Slope of inverse depth by pixel at the middle of three in line, of which the outer ones may have none (0). At an edge
-/// it is that of the side which lies on the surface.
-#[inline(always)]
-fn slope(before: f32, here: f32, after: f32) -> f32 {
-    let (from, to) = (here - before, after - here);
-    let is_before_nearer = from.abs() < to.abs();
-    let nearer = if is_before_nearer { from } else { to };
-    let is_straight = (to - from).abs() <= BEND_MAX * here;
-    let both = if is_straight { 0.5 * (from + to) } else { nearer };
-    let only = if before > 0.0 { from } else { to };
-    let has_both = (before > 0.0) & (after > 0.0);
-    let has_any = (before > 0.0) | (after > 0.0);
-    let step = if has_both { both } else { only };
-    if has_any { step / SPAN_PX as f32 } else { 0.0 }
 }
 
 /// A pixel whose surface blocks are reserved for.
 #[derive(Clone, Copy)]
-struct Shown {
+pub(super) struct Shown {
     /// Which tile of its row it lies in.
-    tile: usize,
-    col: usize,
-    row: usize,
-    depth_mm: u16,
+    pub(super) tile: usize,
+    pub(super) col: usize,
+    pub(super) row: usize,
+    pub(super) depth_mm: u16,
+}
+
+/// What a look along a row of tiles writes down: the tiles whose middle shows nothing, and further pixels of theirs.
+#[derive(Default)]
+struct Spare {
+    open: Vec<usize>,
+    others: Vec<Shown>,
 }
 
 /// Whether a tile, counted from the image's corner, is one of every second: as the black squares of a chessboard.

@@ -160,9 +160,7 @@ impl<'a> View<'a> {
     ) -> usize {
         let mut n_hit = 0_u32;
         for n in 0..N_SLAB {
-            let (ahead_m, off_m) = slab.ahead_m(n);
-            // At a grazing angle the one layer of voxels that is needed behind a surface lies farther along the axis.
-            let is_near = (ahead_m >= -self.truncation_m) | (off_m >= -self.voxel_m);
+            let (off_m, is_near) = slab.off_m(n, self.voxel_m);
             let is_hit = (slab.seen_mm[n] > 0) & is_near & !barred[n];
             let sdf_m = off_m.min(self.truncation_m);
             let next_m = mean_m[n] + (sdf_m - mean_m[n]) / (weight[n] + 1.0);
@@ -188,7 +186,7 @@ impl<'a> View<'a> {
         let free_m = if reserved { self.voxel_m } else { f32::INFINITY };
         let mut barred = [false; N_SLAB];
         for n in 0..N_SLAB {
-            let (_, off_m) = slab.ahead_m(n);
+            let (off_m, _) = slab.off_m(n, self.voxel_m);
             let has_weight = weight[n] > 0.0;
             let is_worn = (off_m > self.truncation_m) & (mean_m[n] < free_m) & has_weight;
             barred[n] = (slab.seen_mm[n] == 0) | is_worn | !(reserved | has_weight);

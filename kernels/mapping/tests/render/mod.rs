@@ -34,6 +34,7 @@ pub struct Scene {
 pub struct Image {
     pub depth_mm: Vec<u16>,
     pub labels: Vec<u16>,
+    pub camera: CameraIntrinsics,
     pub map_from_camera: Pose3,
 }
 
@@ -73,6 +74,11 @@ impl Scene {
 
     /// What the camera sees, pixel by pixel.
     pub fn render(&self, map_from_camera: Pose3) -> Image {
+        self.render_by(CAMERA, map_from_camera)
+    }
+
+    /// What a given camera sees, pixel by pixel.
+    pub fn render_by(&self, camera: CameraIntrinsics, map_from_camera: Pose3) -> Image {
         let mut depth_mm = Vec::new();
         let mut labels = Vec::new();
         let eye = Point3::from(map_from_camera.translation.vector);
@@ -86,9 +92,9 @@ impl Scene {
                 (solid, solid_from_map * eye, rotation)
             })
             .collect();
-        for row in 0..CAMERA.height {
-            for col in 0..CAMERA.width {
-                let ray_camera = CAMERA.unproject(f64::from(col), f64::from(row), 1.0).coords;
+        for row in 0..camera.height {
+            for col in 0..camera.width {
+                let ray_camera = camera.unproject(f64::from(col), f64::from(row), 1.0).coords;
                 let ray_map = map_from_camera.rotation * ray_camera;
                 let floor_m = -eye.z / ray_map.z;
                 let mut best = if floor_m > 0.0 { (floor_m, FLOOR) } else { (f64::INFINITY, 0) };
@@ -102,7 +108,7 @@ impl Scene {
                 labels.push(best.1);
             }
         }
-        Image { depth_mm, labels, map_from_camera }
+        Image { depth_mm, labels, camera, map_from_camera }
     }
 
     /// Whether a point of the floor lies under (or in) a solid of this label that reaches above a height.
@@ -131,18 +137,18 @@ impl Solid {
 
 impl Image {
     pub fn frame(&self) -> DepthFrame<'_> {
-        let depth = DepthImage::new(CAMERA.width, CAMERA.height, &self.depth_mm).unwrap();
-        DepthFrame::new(depth, CAMERA, self.map_from_camera).unwrap()
+        let depth = DepthImage::new(self.camera.width, self.camera.height, &self.depth_mm).unwrap();
+        DepthFrame::new(depth, self.camera, self.map_from_camera).unwrap()
     }
 
     pub fn segments(&self) -> Segments {
         let n = self.labels.iter().copied().max().unwrap();
-        Segments::new(CAMERA.width, CAMERA.height, self.labels.clone(), n).unwrap()
+        Segments::new(self.camera.width, self.camera.height, self.labels.clone(), n).unwrap()
     }
 
     /// What an open-vocabulary model says: one value for each 7 × 7 pixels, blurred by two cells.
     pub fn heat(&self, label: u16) -> HeatMap {
-        coarse_heat(CAMERA.width as usize, CAMERA.height as usize, |idx| self.labels[idx] == label)
+        coarse_heat(self.camera.width as usize, self.camera.height as usize, |idx| self.labels[idx] == label)
     }
 
     /// Depth noise of 1.5 mm at 1 m, growing with depth squared, and one pixel in ten without depth.

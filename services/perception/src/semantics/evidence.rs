@@ -131,7 +131,7 @@ impl Evidence {
         if !self.is_flat() {
             let (sum, n_eyes) = self.eyes;
             let seen_from = (n_eyes > 0).then(|| Point2::from(sum / f64::from(n_eyes)));
-            let points = self.tsdf.surface_points();
+            let points = self.tsdf.covered_points();
             let seen = footprint_seen_from(&points, relation, band, &config.closing, seen_from)?;
             return match (relation, base, seen_from) {
                 (Relation::Near | Relation::On, Some((base, hidden)), Some(seen_from)) => {
