@@ -8,7 +8,8 @@
 //! al. 2013 for the hashing.)
 //!
 //! Distances are those along the optical axis to the nearest pixel's depth, shortened to those across the surface as it
-//! is turned there: seen at a grazing angle, a table top is otherwise full of holes. What lies farther than a truncation
+//! is turned there, for voxels whose foot on that surface is the object: seen at a grazing angle, a table top is otherwise
+//! full of holes, and would go on beyond its edge. What lies farther than a truncation
 //! in front of a surface counts as just that far; what lies as far behind it is hidden. Voxels are the points whose
 //! coordinates are whole multiples of their side, as in other implementations: on other points, edges and what is thin
 //! would come out differently.

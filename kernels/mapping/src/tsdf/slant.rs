@@ -66,13 +66,14 @@ pub(super) struct Slanted {
     is_whole: [bool; 2],
 }
 
-/// Planes through pixels.
+/// Planes through pixels, number by number.
 struct Slants([[f32; LANES]; N_NUMBERS]);
 
 /// Numbers of a slant: the pixel's column and row from the image's centre; its depth; by how much that differs within half
 /// a pixel, metres; the cosine between ray and normal; and, for each metre behind the surface, by how much the foot moves:
 /// columns and rows times depth, and depth.
 const N_NUMBERS: usize = 8;
+const COSINE: usize = 4;
 
 impl<'w, 'a> Turning<'w, 'a> {
     pub(super) fn new(frame: &'w DepthFrame<'a>, mask: Option<&'w [bool]>, config: &TsdfConfig) -> Self {
@@ -97,7 +98,7 @@ impl<'w, 'a> Turning<'w, 'a> {
     #[inline(always)]
     pub(super) fn turn(&self, batch: &[Shown], tiles: &mut [Turned], slanted: &mut Vec<Slanted>) {
         let Some(slants) = self.slants(batch) else { return };
-        let cosine = &slants.0[4];
+        let cosine = &slants.0[COSINE];
         let mut is_whole = [[true; LANES]; 2];
         let mut least = 1.0_f32;
         for cosine in cosine {
@@ -135,7 +136,7 @@ impl<'w, 'a> Turning<'w, 'a> {
             }
             let reach = [self.reach_along(&slants, 1.0), self.reach_along(&slants, -1.0)];
             for (n, slanted) in batch.iter().enumerate() {
-                let cosine = slanted.slant[4];
+                let cosine = slanted.slant[COSINE];
                 let whole = self.whole(cosine);
                 let side = |side: usize| if slanted.is_whole[side] { whole[side] } else { reach[side][n] };
                 if let Some(tile) = tiles.get_mut(slanted.tile) {
@@ -160,7 +161,7 @@ impl<'w, 'a> Turning<'w, 'a> {
             let is_there = self.feet(slants, side * share);
             for n in 0..LANES {
                 goes_on[n] &= is_there[n];
-                reach[n] = if goes_on[n] { reach[n].max(share / slants.0[4][n]) } else { reach[n] };
+                reach[n] = if goes_on[n] { reach[n].max(share / slants.0[COSINE][n]) } else { reach[n] };
             }
             if goes_on == [false; LANES] {
                 break;
@@ -205,6 +206,7 @@ impl<'w, 'a> Turning<'w, 'a> {
         let (left, right) = (self.inverse(&place, (-SPAN_PX, 0)), self.inverse(&place, (SPAN_PX, 0)));
         let (up, down) = (self.inverse(&place, (0, -SPAN_PX)), self.inverse(&place, (0, SPAN_PX)));
         let mut slants = Slants([[0.0; LANES]; N_NUMBERS]);
+        let [cols, rows, depths_m, grains_m, cosines, steps @ ..] = &mut slants.0;
         for n in 0..LANES {
             let (a, b) = (slope(left[n], here[n], right[n]), slope(up[n], here[n], down[n]));
             let (col, row) = (place[0][n] as f32 - self.centre[0], place[1][n] as f32 - self.centre[1]);
@@ -213,14 +215,11 @@ impl<'w, 'a> Turning<'w, 'a> {
             let cosine = (here[n] / norm).clamp(COSINE_MIN, 1.0);
             let (across, depth_m) = (cosine / norm, 1.0 / here[n]);
             let grain_m = 0.5 * (a.abs() + b.abs()) * depth_m * depth_m;
-            slants.0[0][n] = col;
-            slants.0[1][n] = row;
-            slants.0[2][n] = depth_m;
-            slants.0[3][n] = grain_m;
-            slants.0[4][n] = cosine;
-            slants.0[5][n] = col - across * normal[0] * self.focal[0];
-            slants.0[6][n] = row - across * normal[1] * self.focal[1];
-            slants.0[7][n] = 1.0 - across * normal[2];
+            (cols[n], rows[n], depths_m[n], grains_m[n]) = (col, row, depth_m, grain_m);
+            cosines[n] = cosine;
+            steps[0][n] = col - across * normal[0] * self.focal[0];
+            steps[1][n] = row - across * normal[1] * self.focal[1];
+            steps[2][n] = 1.0 - across * normal[2];
         }
         Some(slants)
     }
