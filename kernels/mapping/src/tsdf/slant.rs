@@ -60,6 +60,7 @@ pub(super) struct Turning<'w, 'a> {
 
 /// A surface whose voxels do not all have their foot on it.
 pub(super) struct Slanted {
+    /// Which tile of all.
     tile: usize,
     slant: [f32; N_NUMBERS],
     /// Whether those behind have, and those in front.
@@ -94,9 +95,10 @@ impl<'w, 'a> Turning<'w, 'a> {
         turned(1.0, [self.truncation, FRONT_ALL])
     }
 
-    /// Finds how up to [`LANES`] tiles are turned; adds those that [`Self::reach`] has to look at more closely.
+    /// Finds how up to [`LANES`] tiles of a row are turned, of which the first is the `first`th of all; adds those that
+    /// [`Self::reach`] has to look at more closely.
     #[inline(always)]
-    pub(super) fn turn(&self, batch: &[Shown], tiles: &mut [Turned], slanted: &mut Vec<Slanted>) {
+    pub(super) fn turn(&self, batch: &[Shown], row: &mut [Turned], first: usize, slanted: &mut Vec<Slanted>) {
         let Some(slants) = self.slants(batch) else { return };
         let cosine = &slants.0[COSINE];
         let mut is_whole = [[true; LANES]; 2];
@@ -115,8 +117,8 @@ impl<'w, 'a> Turning<'w, 'a> {
             let is_whole = [is_whole[0][n], is_whole[1][n]];
             if cosine[n] < COSINE_FACING && is_whole != [true; 2] {
                 let slant = std::array::from_fn(|number| slants.0[number][n]);
-                slanted.push(Slanted { tile: shown.tile, slant, is_whole });
-            } else if let Some(tile) = tiles.get_mut(shown.tile) {
+                slanted.push(Slanted { tile: first + shown.tile, slant, is_whole });
+            } else if let Some(tile) = row.get_mut(shown.tile) {
                 *tile = found[n];
             }
         }

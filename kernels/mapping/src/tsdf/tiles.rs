@@ -66,10 +66,8 @@ impl Work for Cut<'_, '_> {
             let low_row = (first[1] + row) * self.side;
             let n_turned = all.look_along(low_row, first[0], &mut shown, &mut spare);
             for batch in shown.get(..n_turned).unwrap_or(&[]).chunks(LANES) {
-                turning.turn(batch, turned, &mut slanted);
+                turning.turn(batch, turned, row * n_tiles[0], &mut slanted);
             }
-            turning.reach(&slanted, turned);
-            slanted.clear();
             if self.side >= SIDE_SPARE {
                 shown.retain(|shown| is_asked(first[0] + shown.tile, first[1] + row));
             }
@@ -77,6 +75,7 @@ impl Work for Cut<'_, '_> {
                 self.rays.blocks(batch, &mut last, &mut wanted);
             }
         }
+        turning.reach(&slanted, &mut tiles.turned);
         wanted
     }
 }
