@@ -238,7 +238,7 @@ fn keep_masked(
 #[inline(always)]
 fn settle(trusted: &TrustedDepth<'_>, (first_col, row): (usize, usize), out: &mut [u16], doubted: &[u8]) {
     /// So many at once are mostly all beyond doubt.
-    const AT_ONCE: usize = 32;
+    const AT_ONCE: usize = 16;
     for (nth, (out, doubted)) in out.chunks_mut(AT_ONCE).zip(doubted.chunks(AT_ONCE)).enumerate() {
         if <&[u8; AT_ONCE]>::try_from(doubted).is_ok_and(|doubted| *doubted == [0; AT_ONCE]) {
             continue;
