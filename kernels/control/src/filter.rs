@@ -23,6 +23,7 @@ use crate::paper_literal::PaperLiteral;
 use crate::plan::{Plan, Sample};
 use crate::points::PointIndex;
 use crate::primitives::deviation;
+use crate::recovery;
 use crate::scene::{Assumptions, Scene, Spare};
 use crate::score::{Best, Search};
 use crate::unfreeze::Unfreeze;
@@ -78,6 +79,7 @@ struct Room {
     after: Vec<Control>,
     controls: Vec<Control>,
     primitives: Vec<Control>,
+    ranking: recovery::Room,
 }
 
 /// Most plans whose room is kept: those of one tick.

@@ -8,7 +8,7 @@
 
 use geometry::Point2;
 
-use crate::dynamics::{Control, Moved, State};
+use crate::dynamics::{Bend, Control, State};
 use crate::scene::{Assumptions, Place, Scene, Shape};
 
 mod bounds;
@@ -97,7 +97,7 @@ impl Runner {
         let limits = &scene.assumptions.limits;
         let end_m_s = limits.speed_after(self.speed_m_s, control.accel_m_s2, step_s);
         let turn_rad = control.yaw_rate_rad_s * step_s;
-        let moved = Moved::over(self.speed_m_s, end_m_s, turn_rad, step_s);
+        let moved = Bend::of(turn_rad).over(self.speed_m_s, end_m_s, step_s);
         let length_m = (self.speed_m_s + end_m_s) / 2.0 * step_s;
         let moving = length_m > 0.0;
 

@@ -16,7 +16,7 @@ use crate::dynamics::{Control, Limits};
 use crate::exit::ExitMap;
 use crate::plan::Plan;
 use crate::primitives::primitives;
-use crate::recovery::{least_harm, remaining_controls};
+use crate::recovery::{Ranked, least_harm, remaining_controls};
 use crate::scene::{Assumptions, Scene, Source};
 use crate::score::{Runner, Search, Wanted, search};
 
@@ -178,7 +178,7 @@ impl Filter {
             Some(Err(breach)) => breach.source().map(|source| (source, Some(breach))),
             _ => None,
         };
-        let ranked = least_harm(scene, None, self.plan.as_ref());
+        let ranked = self.least_harm(scene, None);
         let plan = ranked.map_or_else(|| self.roll(scene, &[]), |ranked| ranked.plan);
         let v_sent_m = certify(scene, &plan).map_or(0.0, |(value_m, _)| value_m);
         Choice {
@@ -189,6 +189,11 @@ impl Filter {
             certified: Certified::No { why: "no plan keeps every margin" },
             held_by: why,
         }
+    }
+
+    fn least_harm(&mut self, scene: &Scene<'_>, exits: Option<&ExitMap>) -> Option<Ranked> {
+        let samples = self.room.plans.pop().unwrap_or_default();
+        least_harm(scene, exits, self.plan.as_ref(), &mut self.room.ranking, samples)
     }
 
     /// A margin is broken at the start: the way back.
@@ -202,7 +207,7 @@ impl Filter {
             return choice;
         }
         let exits = if in_zone { self.exits_around(scene) } else { None };
-        let ranked = least_harm(scene, exits.as_deref(), self.plan.as_ref());
+        let ranked = self.least_harm(scene, exits.as_deref());
         let (plan, spares) = match ranked {
             Some(ranked) => {
                 let spares = ranked.spares_obstacles();
