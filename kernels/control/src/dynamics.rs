@@ -201,16 +201,21 @@ impl Bend {
         let (along, aside, cos, sin) = if square < 0.25 {
             (
                 [
-                    1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)),
-                    0.5 - square / 8.0 * (1.0 - square / 18.0 * (1.0 - square / 40.0)),
+                    1.0 + square * (-1.0 / 6.0 + square * (1.0 / 120.0 - square * (1.0 / 5040.0))),
+                    0.5 + square * (-1.0 / 8.0 + square * (1.0 / 144.0 - square * (1.0 / 5760.0))),
                 ],
                 [
-                    phi / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0))),
-                    phi * (1.0 / 3.0 - square / 30.0 * (1.0 - square / 28.0 * (1.0 - square / 54.0))),
+                    phi * (0.5 + square * (-1.0 / 24.0 + square * (1.0 / 720.0 - square * (1.0 / 40_320.0)))),
+                    phi * (1.0 / 3.0
+                        + square * (-1.0 / 30.0 + square * (1.0 / 840.0 - square * (1.0 / 45_360.0)))),
                 ],
-                1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0))),
+                1.0 + square
+                    * (-0.5 + square * (1.0 / 24.0 + square * (-1.0 / 720.0 + square * (1.0 / 40_320.0)))),
                 phi * (1.0
-                    - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)))),
+                    + square
+                        * (-1.0 / 6.0
+                            + square
+                                * (1.0 / 120.0 + square * (-1.0 / 5040.0 + square * (1.0 / 362_880.0))))),
             )
         } else {
             let (sin, cos) = phi.sin_cos();

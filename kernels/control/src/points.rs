@@ -14,7 +14,7 @@ use crate::fast::Isa;
 
 mod nearest;
 
-use nearest::{Candidates, N_BLOCK, Nearest};
+use nearest::{Apart, Candidates, N_BLOCK, Nearest};
 
 /// Side of a cell, metres: small enough for short lists, large enough for few cells.
 const CELL_M: f64 = 0.1;
@@ -89,8 +89,7 @@ impl PointIndex {
         let lists = self.lists.get_mut();
         // A point left out is farther than the reach from every place within it, and no distance above the
         // reach is ever reported: none is too large.
-        let is_near = |p: &Point2| (p - centre).norm_squared() <= 4.0 * reach_m * reach_m;
-        if lists.take(points.iter().map(|p| (*p, is_near(p) && belongs(p)))) == 0 {
+        if lists.take(self.isa, points, belongs, centre, 2.0 * reach_m) == 0 {
             return false;
         }
         self.n_side = ((2.0 * reach_m / CELL_M).ceil() as usize + 1).clamp(1, N_SIDE_MAX);
@@ -132,17 +131,29 @@ impl PointIndex {
 }
 
 impl Lists {
-    /// Takes those points that are to be taken; how many.
-    fn take(&mut self, points: impl ExactSizeIterator<Item = (Point2, bool)>) -> usize {
-        let n_most = points.len();
-        self.x_m.resize(n_most, NOWHERE_M);
-        self.y_m.resize(n_most, NOWHERE_M);
-        let (x_m, y_m) = (&mut self.x_m[..n_most], &mut self.y_m[..n_most]);
-        // Written whether taken or not, without a branch; who is not taken is written over.
-        let mut n = 0_usize;
-        for (point, is_taken) in points {
+    /// Takes those points within `far_m` of a centre that belong; how many.
+    fn take(
+        &mut self,
+        isa: Isa,
+        points: &[Point2],
+        belongs: impl Fn(&Point2) -> bool,
+        centre: Point2,
+        far_m: f64,
+    ) -> usize {
+        self.x_m.resize(points.len(), NOWHERE_M);
+        self.y_m.resize(points.len(), NOWHERE_M);
+        let (x_m, y_m) = (&mut self.x_m[..points.len()], &mut self.y_m[..points.len()]);
+        let square_m2 = far_m * far_m;
+        // Nearly always all are near, and belong.
+        let all_near = isa.run(Apart { points, x_m, y_m, centre, square_m2 });
+        if all_near && points.iter().all(&belongs) {
+            return points.len();
+        }
+        let is_taken = |point: &Point2| (point - centre).norm_squared() <= square_m2 && belongs(point);
+        let mut n = 0;
+        for point in points.iter().filter(|point| is_taken(point)) {
             (x_m[n], y_m[n]) = (point.x, point.y);
-            n = n.wrapping_add(usize::from(is_taken));
+            n += 1;
         }
         self.x_m.truncate(n);
         self.y_m.truncate(n);
@@ -205,16 +216,21 @@ impl Lists {
         let (square_m2, is_candidate) = (&mut self.square_m2[..n], &mut self.is_candidate[..n]);
         let (x_m, y_m) = (&self.x_m[of.clone()], &self.y_m[of.clone()]);
         isa.run(Candidates { x_m, y_m, square_m2, is_candidate, centre, side_m });
-        let from = self.x_m.len();
+        let (from, mut to) = (self.x_m.len(), self.x_m.len());
+        // Room for all of them: who is written and is no candidate is written over.
+        self.x_m.resize(from + n + 1, NOWHERE_M);
+        self.y_m.resize(from + n + 1, NOWHERE_M);
         for (block, flags) in self.is_candidate[..n].as_chunks::<N_BLOCK>().0.iter().enumerate() {
             if u64::from_ne_bytes(*flags) == 0 {
                 continue;
             }
-            for at in (0..N_BLOCK).filter(|k| flags[*k] != 0).map(|k| of.start + block * N_BLOCK + k) {
-                self.x_m.push(self.x_m[at]);
-                self.y_m.push(self.y_m[at]);
+            for (at, flag) in (of.start + block * N_BLOCK..).zip(flags) {
+                (self.x_m[to], self.y_m[to]) = (self.x_m[at], self.y_m[at]);
+                to += usize::from(*flag);
             }
         }
+        self.x_m.truncate(to);
+        self.y_m.truncate(to);
         self.fill_up();
         from..self.x_m.len()
     }

@@ -16,7 +16,7 @@ use lanes::{judge_lanes, lower_lanes, place_lanes, step_lanes};
 const N: usize = 64;
 /// So few motions left are followed exactly in less time than it takes to bound them further. Those that keep as
 /// much as the floor to within the rounding do not count: bounds seldom tell them from it, the first exact steps do.
-const N_FEW: u32 = 4;
+const N_FEW: u32 = 2;
 /// Most steps that are bounded: f32 is exact enough for so many.
 pub(crate) const N_STEPS_MAX: usize = 40;
 /// What f32 may take from a bound, metres: measured below 1e-5, taken tenfold.

@@ -75,9 +75,13 @@ pub(crate) fn kept(
 #[inline(always)]
 fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
     let square = turn * turn;
-    let by_cos = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)));
-    let by_sin =
-        turn * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))));
+    let by_cos =
+        1.0 + square * (-0.5 + square * (1.0 / 24.0 + square * (-1.0 / 720.0 + square * (1.0 / 40_320.0))));
+    let by_sin = turn
+        * (1.0
+            + square
+                * (-1.0 / 6.0
+                    + square * (1.0 / 120.0 + square * (-1.0 / 5040.0 + square * (1.0 / 362_880.0)))));
     (sin * by_cos + cos * by_sin, cos * by_cos - sin * by_sin)
 }
 
