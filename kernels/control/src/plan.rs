@@ -7,6 +7,10 @@ use geometry::Twist;
 
 use crate::dynamics::{Bend, Control, Heading, Limits, State};
 
+mod spares;
+
+pub(crate) use spares::Spares;
+
 /// Most samples of a plan: 400 steps and a tail of as many.
 const N_SAMPLES_MAX: usize = 1200;
 
@@ -84,11 +88,6 @@ impl Plan {
     #[must_use]
     pub fn samples(&self) -> &[Sample] {
         &self.samples
-    }
-
-    /// Room for another plan.
-    pub(crate) fn into_room(self) -> Vec<Sample> {
-        self.samples
     }
 
     /// A copy in the room of a plan that is no more.
