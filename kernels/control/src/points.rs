@@ -14,7 +14,7 @@ use crate::fast::Isa;
 
 mod nearest;
 
-use nearest::{Apart, Candidates, N_BLOCK, Nearest};
+use nearest::{Apart, Candidates, N_BLOCK, Nearest, least};
 
 /// Side of a cell, metres: small enough for short lists, large enough for few cells.
 const CELL_M: f64 = 0.1;
@@ -105,8 +105,19 @@ impl PointIndex {
     pub(crate) fn distance_m(&self, place: Point2) -> f64 {
         let mut lists = self.lists.borrow_mut();
         let range = self.cell(place).map_or(0..lists.n_all, |cell| lists.of_cell(self.isa, self.low, cell));
+        self.least_m(&lists, range, place)
+    }
+
+    /// The same by looking at every point: cheaper where no other place nearby is asked for.
+    pub(crate) fn distance_by_all_m(&self, place: Point2) -> f64 {
+        let lists = self.lists.borrow();
+        self.least_m(&lists, 0..lists.n_all, place)
+    }
+
+    #[inline]
+    fn least_m(&self, lists: &Lists, range: Range<usize>, place: Point2) -> f64 {
         let (x_m, y_m) = (&lists.x_m[range.clone()], &lists.y_m[range]);
-        self.isa.run(Nearest { x_m, y_m, place }).sqrt().min(self.reach_m)
+        least(self.isa.run(Nearest { x_m, y_m, place }).sqrt(), self.reach_m)
     }
 
     /// Calls `take` with points around a place, about `n` of them and evenly out of those that can be nearest
@@ -268,6 +279,7 @@ mod tests {
             for place in places {
                 let slow = points.iter().map(|p| (p - place).norm()).fold(f64::INFINITY, f64::min);
                 prop_assert!((index.distance_m(place) - slow.min(10.0)).abs() < 1e-12);
+                prop_assert_eq!(index.distance_m(place), index.distance_by_all_m(place));
             }
         }
     }

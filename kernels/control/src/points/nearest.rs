@@ -109,6 +109,6 @@ impl Work for Candidates<'_> {
 
 /// The smaller of two: one instruction where NaN is not asked about.
 #[inline(always)]
-fn least(a: f64, b: f64) -> f64 {
+pub(super) fn least(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }

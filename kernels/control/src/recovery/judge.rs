@@ -34,6 +34,7 @@ const N_STEPS_MAX: usize = 1200;
 pub(super) struct Judge<'a, 'w> {
     scene: &'a Scene<'w>,
     exits: Option<&'a ExitMap>,
+    start: Rolling,
     start_depth_m: f64,
     is_in_zone: bool,
     /// What full braking falls short of the obstacles' margins, as far as an error of the position explains
@@ -93,6 +94,7 @@ impl<'a, 'w> Judge<'a, 'w> {
         let mut judge = Judge {
             scene,
             exits,
+            start: Rolling::from(scene.start),
             start_depth_m,
             is_in_zone,
             forgiven_m: 0.0,
@@ -115,7 +117,7 @@ impl<'a, 'w> Judge<'a, 'w> {
     ) -> Option<(f64, f64)> {
         let scene = self.scene;
         let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2: -scene.assumptions.limits.accel_m_s2_max };
-        let (mut from, mut wrongs) = (Rolling::from(scene.start), Wrongs::default());
+        let (mut from, mut wrongs) = (self.start, Wrongs::default());
         let mut n_steps = 0;
         loop {
             let is_moving = from.sample.state.speed_m_s > 0.0 && n_steps < N_STEPS_MAX;
