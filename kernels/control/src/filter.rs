@@ -109,7 +109,7 @@ impl Filter {
         let sigma =
             Control { yaw_rate_rad_s: config.sigma_yaw_rate_rad_s, accel_m_s2: config.sigma_accel_m_s2 };
         let FilterConfig { n_samples, n_rounds, n_steps, .. } = config;
-        Ok(Filter {
+        let filter = Filter {
             literal: PaperLiteral::new(config.method == Method::PaperLiteralBlending),
             config,
             assumptions,
@@ -126,7 +126,8 @@ impl Filter {
             best: Best::default(),
             continued: Best::default(),
             room: Room::default(),
-        })
+        };
+        Ok(filter.on(Isa::detect()))
     }
 
     /// The same filter on these instructions instead of the widest that the processor has, to compare them: what
@@ -135,6 +136,8 @@ impl Filter {
     pub fn on(mut self, isa: Isa) -> Filter {
         self.noise = Noise::on(isa);
         self.room.scene.points = vec![PointIndex::on(isa)];
+        // The room that every tick needs is there before the first.
+        self.noise_for_this_tick();
         self
     }
 

@@ -24,6 +24,8 @@ const N_COARSE: usize = 4;
 const N_SIDE_MAX: usize = 160;
 /// Cells and coarse cells along one side that lists are kept of: who lies so far apart shares its place.
 const N_KEPT: [usize; 2] = [64, 16];
+/// So many places in lists there is room for from the beginning.
+const N_LISTED: usize = 2048;
 /// Stands in for no point: farther than any reach.
 const NOWHERE_M: f64 = 1e9;
 
@@ -72,9 +74,11 @@ impl Default for PointIndex {
 }
 
 impl PointIndex {
-    /// An index of nothing.
+    /// An index of nothing, with room for some hundred points and their lists.
     pub(crate) fn on(isa: Isa) -> PointIndex {
-        PointIndex { isa, low: Point2::origin(), n_side: 0, reach_m: 0.0, lists: Box::default() }
+        let mut lists = Lists::default();
+        lists.make_room();
+        PointIndex { isa, low: Point2::origin(), n_side: 0, reach_m: 0.0, lists: Box::new(lists.into()) }
     }
 
     /// Makes it an index of those finite points within `reach_m` of `centre` that belong to it; `false` when
@@ -184,8 +188,15 @@ impl Lists {
             self.coarse.clear();
             self.turn = 1;
         }
+        self.make_room();
+    }
+
+    fn make_room(&mut self) {
         self.fine.resize(N_KEPT[0] * N_KEPT[0], Kept::default());
         self.coarse.resize(N_KEPT[1] * N_KEPT[1], Kept::default());
+        for list in [&mut self.x_m, &mut self.y_m] {
+            list.reserve(N_LISTED.saturating_sub(list.len()));
+        }
     }
 
     /// What can be nearest in a cell, by its column and row.
