@@ -171,6 +171,13 @@ pub(crate) fn binding(
     Some(Binding { id, label, is_rule, margin, unit, is_ungrounded })
 }
 
+/// What the operator reads when an input cannot be used.
+pub(crate) fn braking_words(texts: &mut Texts, why: &str) -> String {
+    let mut words = written(&mut texts.words, "braking: ");
+    words.push_str(why);
+    words
+}
+
 /// What the operator reads.
 pub(crate) fn words(
     texts: &mut Texts,

@@ -76,8 +76,24 @@ impl State {
     /// The state after `seconds` in which the speed ramps linearly to `end_m_s` at a constant turn rate.
     #[must_use]
     pub fn ramped(&self, yaw_rate_rad_s: f64, end_m_s: f64, seconds: f64) -> State {
-        let (sin, cos) = self.yaw_rad.sin_cos();
-        let moved = Moved::over(self.speed_m_s, end_m_s, yaw_rate_rad_s * seconds, seconds);
+        self.ramped_along(&mut Heading::of(self.yaw_rad), yaw_rate_rad_s, end_m_s, seconds)
+    }
+
+    /// The same; `heading` is that of the step before and becomes this one's.
+    #[inline]
+    pub(crate) fn ramped_along(
+        &self,
+        heading: &mut Heading,
+        yaw_rate_rad_s: f64,
+        end_m_s: f64,
+        seconds: f64,
+    ) -> State {
+        if heading.yaw_rad != self.yaw_rad {
+            *heading = Heading { bend: heading.bend, ..Heading::of(self.yaw_rad) };
+        }
+        let Heading { sin, cos, bend, .. } = heading;
+        let (sin, cos) = (*sin, *cos);
+        let moved = bend.becomes(yaw_rate_rad_s * seconds).over(self.speed_m_s, end_m_s, seconds);
         State {
             x_m: self.x_m + cos * moved.along_m - sin * moved.aside_m,
             y_m: self.y_m + sin * moved.along_m + cos * moved.aside_m,
@@ -134,7 +150,24 @@ impl Limits {
     }
 }
 
+/// A heading with its sine and cosine, and how the last step bent: the next is often straight, or bends alike.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Heading {
+    yaw_rad: f64,
+    sin: f64,
+    cos: f64,
+    bend: Bend,
+}
+
+impl Heading {
+    pub(crate) fn of(yaw_rad: f64) -> Heading {
+        let (sin, cos) = yaw_rad.sin_cos();
+        Heading { yaw_rad, sin, cos, bend: Bend::NONE }
+    }
+}
+
 /// A displacement in the frame of the start: `along_m` ahead, `aside_m` to the left.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Moved {
     pub along_m: f64,
     pub aside_m: f64,
@@ -143,41 +176,78 @@ pub(crate) struct Moved {
     pub turn_sin: f64,
 }
 
-impl Moved {
-    /// The integral of (v₀ + (v₁ − v₀) s) · (cos φs, sin φs) over s in 0 to 1, times `seconds`, φ = `turn_rad`.
+/// How a step bends by its turn alone: worked out once for steps that turn alike, as most do that follow each other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bend {
+    turn_rad: f64,
+    cos: f64,
+    sin: f64,
+    /// Integrals of the heading's cosine and sine over the step, and of both weighted with the time.
+    along: [f64; 2],
+    aside: [f64; 2],
+}
+
+impl Bend {
+    /// No turn.
+    pub(crate) const NONE: Bend =
+        Bend { turn_rad: 0.0, cos: 1.0, sin: 0.0, along: [1.0, 0.5], aside: [0.0, 0.0] };
+
     #[inline]
-    pub(crate) fn over(start_m_s: f64, end_m_s: f64, turn_rad: f64, seconds: f64) -> Moved {
+    pub(crate) fn of(turn_rad: f64) -> Bend {
         let phi = turn_rad;
         let square = phi * phi;
         // Taylor series below half a radian (a step turns 0.05 rad), error below 1e-9; closed form above,
         // where its quotients by φ² no longer cancel.
-        let (c0, s0, c1, s1, turn_cos, turn_sin) = if square < 0.25 {
+        let (along, aside, cos, sin) = if square < 0.25 {
             (
-                1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)),
-                phi / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0))),
-                0.5 - square / 8.0 * (1.0 - square / 18.0 * (1.0 - square / 40.0)),
-                phi * (1.0 / 3.0 - square / 30.0 * (1.0 - square / 28.0 * (1.0 - square / 54.0))),
-                1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0))),
+                [
+                    1.0 + square * (-1.0 / 6.0 + square * (1.0 / 120.0 - square * (1.0 / 5040.0))),
+                    0.5 + square * (-1.0 / 8.0 + square * (1.0 / 144.0 - square * (1.0 / 5760.0))),
+                ],
+                [
+                    phi * (0.5 + square * (-1.0 / 24.0 + square * (1.0 / 720.0 - square * (1.0 / 40_320.0)))),
+                    phi * (1.0 / 3.0
+                        + square * (-1.0 / 30.0 + square * (1.0 / 840.0 - square * (1.0 / 45_360.0)))),
+                ],
+                1.0 + square
+                    * (-0.5 + square * (1.0 / 24.0 + square * (-1.0 / 720.0 + square * (1.0 / 40_320.0)))),
                 phi * (1.0
-                    - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)))),
+                    + square
+                        * (-1.0 / 6.0
+                            + square
+                                * (1.0 / 120.0 + square * (-1.0 / 5040.0 + square * (1.0 / 362_880.0))))),
             )
         } else {
             let (sin, cos) = phi.sin_cos();
             (
-                sin / phi,
-                (1.0 - cos) / phi,
-                sin / phi + (cos - 1.0) / square,
-                sin / square - cos / phi,
+                [sin / phi, sin / phi + (cos - 1.0) / square],
+                [(1.0 - cos) / phi, sin / square - cos / phi],
                 cos,
                 sin,
             )
         };
+        Bend { turn_rad, cos, sin, along, aside }
+    }
+
+    /// The bend of this turn, by `self` where it is the same.
+    #[inline]
+    pub(crate) fn becomes(&mut self, turn_rad: f64) -> &Bend {
+        if self.turn_rad != turn_rad {
+            *self = Bend::of(turn_rad);
+        }
+        self
+    }
+
+    /// The integral of (v₀ + (v₁ − v₀) s) · (cos φs, sin φs) over s in 0 to 1, times `seconds`, φ the turn.
+    #[inline]
+    pub(crate) fn over(&self, start_m_s: f64, end_m_s: f64, seconds: f64) -> Moved {
+        let Bend { cos, sin, along, aside, .. } = *self;
         let gain_m_s = end_m_s - start_m_s;
         Moved {
-            along_m: seconds * (start_m_s * c0 + gain_m_s * c1),
-            aside_m: seconds * (start_m_s * s0 + gain_m_s * s1),
-            turn_cos,
-            turn_sin,
+            along_m: seconds * (start_m_s * along[0] + gain_m_s * along[1]),
+            aside_m: seconds * (start_m_s * aside[0] + gain_m_s * aside[1]),
+            turn_cos: cos,
+            turn_sin: sin,
         }
     }
 }
@@ -221,7 +291,7 @@ mod tests {
 
         #[test]
         fn the_turn_of_a_step_has_its_cosine_and_sine(phi in -0.6..0.6_f64) {
-            let moved = Moved::over(0.4, 0.6, phi, 0.05);
+            let moved = Bend::of(phi).over(0.4, 0.6, 0.05);
             prop_assert!((moved.turn_cos - phi.cos()).abs() < 1e-9);
             prop_assert!((moved.turn_sin - phi.sin()).abs() < 1e-9);
         }

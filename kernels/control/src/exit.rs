@@ -17,7 +17,7 @@ const CLEAR_M: f64 = 0.02;
 const BEYOND_M: f64 = 0.5;
 
 /// What is known of a cell.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cell {
     Unseen,
     Blocked,
@@ -26,41 +26,60 @@ enum Cell {
 }
 
 /// Distance to the nearest exit, metres, for every cell around the robot.
-#[derive(Clone, Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct ExitMap {
     low: Point2,
     cell_m: f64,
     distance_m: Vec<f32>,
+    // Room to find it in, kept so that finding it again allocates nothing.
+    cells: Vec<Cell>,
+    exits: Vec<usize>,
+    flood: Flood,
 }
 
 impl ExitMap {
-    /// Floods around the start of a scene; `None` when no exit can be reached from there.
+    /// Floods around the start of a scene, in place of what it was; whether an exit can be reached from there. If not,
+    /// it is a map of nothing.
     ///
     /// Zones that the robot is not in are walls, unless the scene calls them soft.
-    pub(crate) fn around(scene: &Scene<'_>) -> Option<ExitMap> {
-        CELLS_M.into_iter().find_map(|cell_m| ExitMap::flood(scene, cell_m))
+    pub(crate) fn find(&mut self, scene: &Scene<'_>) -> bool {
+        CELLS_M.into_iter().any(|cell_m| self.find_by(scene, cell_m))
     }
 
-    fn flood(scene: &Scene<'_>, cell_m: f64) -> Option<ExitMap> {
+    fn find_by(&mut self, scene: &Scene<'_>, cell_m: f64) -> bool {
         let centre = scene.start.position();
         let half_m = N_SIDE as f64 * cell_m / 2.0;
-        let low = Point2::new(centre.x - half_m, centre.y - half_m);
-        let place_of = |idx: usize| {
-            low + Point2::new((idx % N_SIDE) as f64 + 0.5, (idx / N_SIDE) as f64 + 0.5).coords * cell_m
+        (self.low, self.cell_m) = (Point2::new(centre.x - half_m, centre.y - half_m), cell_m);
+        self.spread_from_start(scene);
+        self.spread_from_exits();
+        let metres = |fifths: &u32| match *fifths {
+            NEVER => f32::INFINITY,
+            fifths => fifths as f32 * (cell_m / f64::from(STEPS[0])) as f32,
         };
-        let mut cells = vec![Cell::Unseen; N_SIDE * N_SIDE];
-        // Outwards from the robot: only cells that it can reach are asked for, up to a little beyond the nearest
-        // exit. It may stand in a cell that is not free by a hair: its neighbours are begun from as well.
+        self.distance_m.clear();
+        self.distance_m.extend(self.flood.length.iter().map(metres));
+        !self.exits.is_empty()
+    }
+
+    /// Outwards from the robot: only cells that it can reach are asked for, up to a little beyond the nearest exit.
+    fn spread_from_start(&mut self, scene: &Scene<'_>) {
+        let ExitMap { low, cell_m, cells, exits, flood, .. } = self;
+        let place_of = |idx: usize| {
+            *low + Point2::new((idx % N_SIDE) as f64 + 0.5, (idx / N_SIDE) as f64 + 0.5).coords * *cell_m
+        };
+        cells.clear();
+        cells.resize(N_SIDE * N_SIDE, Cell::Unseen);
+        exits.clear();
+        flood.clear();
+        // It may stand in a cell that is not free by a hair: its neighbours are begun from as well.
         let middle = (N_SIDE / 2) * N_SIDE + N_SIDE / 2;
-        let mut exits = vec![];
-        let mut reach = Flood::new();
-        reach.begin(middle, 0);
+        flood.begin(middle, 0);
         for (idx, step) in neighbours(middle) {
-            reach.begin(idx, step);
+            flood.begin(idx, step);
         }
-        let beyond = (BEYOND_M / cell_m) as u32 * STEPS[0];
+        let beyond = (BEYOND_M / *cell_m) as u32 * STEPS[0];
         let mut far = NEVER;
-        while let Some((idx, here)) = reach.next(far) {
+        while let Some((idx, here)) = flood.next(far) {
             if cells[idx] == Cell::Unseen {
                 cells[idx] = look(scene, place_of(idx));
             }
@@ -72,24 +91,20 @@ impl ExitMap {
                 Cell::Inside => {}
                 Cell::Blocked | Cell::Unseen => continue,
             }
-            reach.spread(idx, here, |_| true);
+            flood.spread(idx, here, |_| true);
         }
-        if exits.is_empty() {
-            return None;
+    }
+
+    /// Back from the exits, over what was reached.
+    fn spread_from_exits(&mut self) {
+        let ExitMap { cells, exits, flood, .. } = self;
+        flood.clear();
+        for idx in exits.iter() {
+            flood.begin(*idx, 0);
         }
-        // Back from the exits, over what was reached.
-        let mut back = Flood::new();
-        for idx in exits {
-            back.begin(idx, 0);
+        while let Some((idx, here)) = flood.next(NEVER) {
+            flood.spread(idx, here, |next| matches!(cells[next], Cell::Inside | Cell::Exit));
         }
-        while let Some((idx, here)) = back.next(NEVER) {
-            back.spread(idx, here, |next| matches!(cells[next], Cell::Inside | Cell::Exit));
-        }
-        let metres = |fifths: &u32| match *fifths {
-            NEVER => f32::INFINITY,
-            fifths => fifths as f32 * (cell_m / f64::from(STEPS[0])) as f32,
-        };
-        Some(ExitMap { low, cell_m, distance_m: back.length.iter().map(metres).collect() })
     }
 
     /// Distance to the exit from a place, metres; infinite when there is no way, the place is off the map, or it
@@ -166,6 +181,7 @@ const N_BUCKETS: usize = 8;
 const NEVER: u32 = u32::MAX;
 
 /// Dijkstra over the cells, with a ring of buckets for a queue: steps are short whole numbers.
+#[derive(Debug, Default)]
 struct Flood {
     /// Length of the way to each cell, in fifths of a cell.
     length: Vec<u32>,
@@ -174,8 +190,11 @@ struct Flood {
 }
 
 impl Flood {
-    fn new() -> Flood {
-        Flood { length: vec![NEVER; N_SIDE * N_SIDE], buckets: Default::default(), now: 0 }
+    fn clear(&mut self) {
+        self.length.clear();
+        self.length.resize(N_SIDE * N_SIDE, NEVER);
+        self.buckets.iter_mut().for_each(Vec::clear);
+        self.now = 0;
     }
 
     fn begin(&mut self, idx: usize, length: u32) {
@@ -226,89 +245,4 @@ fn neighbours(idx: usize) -> impl Iterator<Item = (usize, u32)> {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use geometry::Profile;
-    use mapping::{DistanceField, Layout, Shape};
-
-    use super::*;
-    use crate::config::Disturbance;
-    use crate::dynamics::{Limits, State};
-    use crate::margin::{BaseLayer, Demand, RuleLayer, World};
-    use crate::scene::Assumptions;
-
-    fn field(distance_m: impl Fn(Point2) -> f64) -> Arc<DistanceField> {
-        let layout = Layout::new(Point2::new(-5.0, -5.0), 0.05, Shape { n_cols: 200, n_rows: 200 }).unwrap();
-        let values = layout.cells().map(|cell| distance_m(layout.centre(cell)) as f32).collect();
-        Arc::new(DistanceField::from_values(layout, values).unwrap())
-    }
-
-    /// Distance to the box around (x, y) with half sides (hx, hy).
-    fn to_box(place: Point2, (x, y): (f64, f64), (hx, hy): (f64, f64)) -> f64 {
-        let (dx, dy) = ((place.x - x).abs() - hx, (place.y - y).abs() - hy);
-        dx.max(0.0).hypot(dy.max(0.0)) + dx.max(dy).min(0.0)
-    }
-
-    fn around(world: &World) -> Option<ExitMap> {
-        let disturbance = Disturbance { position_m: 0.0, yaw_rad: 0.0, speed_m_s: 0.0, delay_s: 0.0 };
-        let limits = Limits::of(&Profile::sim());
-        let assumptions = Assumptions {
-            limits,
-            radius_m: 0.25,
-            step_s: 0.05,
-            disturbance,
-            closing_speed_m_s: 0.0,
-            braking_tail: true,
-        };
-        ExitMap::around(&Scene::of(world, State::default(), assumptions, &|_| false))
-    }
-
-    fn world(walls: impl Fn(Point2) -> f64, zones: &[(f64, f64, f64)]) -> World {
-        let rules = zones.iter().map(|&(x, y, half)| RuleLayer {
-            id: "s1".into(),
-            label: "it".into(),
-            demand: Demand::Exclusion {
-                zone: field(move |p| to_box(p, (x, y), (half, half))),
-                buffer_m: 0.0,
-            },
-        });
-        let base = vec![BaseLayer { name: "the map".into(), field: field(walls) }];
-        World { base, points: vec![], rules: rules.collect() }
-    }
-
-    #[test]
-    fn in_the_open_the_exit_is_straight_ahead() {
-        let map = around(&world(|_| 9.0, &[(0.3, 0.0, 0.8)])).unwrap();
-        // From 0 to the border at -0.5, and the hull beyond it.
-        assert!((map.distance_m(Point2::origin()) - 0.77).abs() < 0.08);
-        let ahead = map.along_way_out(Point2::origin(), 0.4).unwrap();
-        assert!((ahead.x + 0.4).abs() < 0.1 && ahead.y.abs() < 0.1, "{ahead:?}");
-    }
-
-    #[test]
-    fn between_walls_the_way_out_goes_around_them() {
-        // A wall beside the nearest border: the way leads over its end.
-        let walls = |p: Point2| to_box(p, (-0.5, 0.0), (0.1, 0.8));
-        let map = around(&world(walls, &[(0.0, 0.0, 1.0)])).unwrap();
-        assert!(map.distance_m(Point2::origin()) > 1.2);
-        let at_the_end = Point2::new(-0.5, 1.3);
-        assert!(map.distance_m(at_the_end) < 0.1, "outside the zone is the exit");
-    }
-
-    #[test]
-    fn who_is_walled_in_has_no_exit() {
-        let walls = |p: Point2| -to_box(p, (0.0, 0.0), (0.6, 0.6));
-        assert!(around(&world(walls, &[(0.0, 0.0, 1.0)])).is_none());
-    }
-
-    #[test]
-    fn a_zone_that_the_robot_is_not_in_is_no_way_out() {
-        // The second zone begins where the hull's margin to it is still positive.
-        let both = world(|_| 9.0, &[(0.0, 0.0, 0.5), (-1.1, 0.0, 0.8)]);
-        let open = world(|_| 9.0, &[(0.0, 0.0, 0.5)]);
-        let west = Point2::new(-0.75, 0.0);
-        assert!(around(&open).unwrap().distance_m(west) < 0.1);
-        assert!(around(&both).unwrap().distance_m(west) > 0.3);
-    }
-}
+mod tests;

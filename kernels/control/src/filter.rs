@@ -6,13 +6,12 @@
 //! harm. No command leaves that is not finite. Not here: ages of inputs, clocks, the bus (the service).
 
 use std::collections::HashMap;
-use std::sync::Arc;
 use std::time::Duration;
 
 use geometry::{Profile, Twist};
 
 use crate::config::{ConfigError, FilterConfig, Method};
-use crate::decision::{Action, Certified, Decision, Texts, binding, recovered_rule, words};
+use crate::decision::{Action, Certified, Decision, Texts, binding, braking_words, recovered_rule, words};
 use crate::dynamics::{Control, Limits, State};
 use crate::exit::ExitMap;
 use crate::fast::Isa;
@@ -20,9 +19,10 @@ use crate::latency::OnTheWay;
 use crate::margin::{Demand, World};
 use crate::noise::Noise;
 use crate::paper_literal::PaperLiteral;
-use crate::plan::{Plan, Sample};
+use crate::plan::{Plan, Spares};
 use crate::points::PointIndex;
 use crate::primitives::deviation;
+use crate::recovery;
 use crate::scene::{Assumptions, Scene, Spare};
 use crate::score::{Best, Search};
 use crate::unfreeze::Unfreeze;
@@ -57,7 +57,7 @@ pub struct Filter {
     last_command: Twist,
     /// Rules with a limit of 0 in a zone: whether the robot stood in it when first told.
     told_inside: HashMap<String, bool>,
-    exits: Option<Exits>,
+    exits: Exits,
     unfreeze: Unfreeze,
     literal: PaperLiteral,
     noise: Noise,
@@ -71,34 +71,24 @@ pub struct Filter {
 struct Room {
     scene: Spare,
     texts: Texts,
-    /// Of plans that are no more.
-    plans: Vec<Vec<Sample>>,
+    plans: Spares,
     /// Sequences that a search begins with.
     warm: [Vec<Control>; 2],
     after: Vec<Control>,
     controls: Vec<Control>,
     primitives: Vec<Control>,
+    ranking: recovery::Room,
 }
 
-/// Most plans whose room is kept: those of one tick.
-const N_PLANS_KEPT: usize = 8;
-
-impl Room {
-    fn keep(&mut self, plan: Option<Plan>) {
-        if let Some(plan) = plan.filter(|_| self.plans.len() < N_PLANS_KEPT) {
-            self.plans.push(plan.into_room());
-        }
-    }
-}
-
-/// The ways out of the zones that the robot stands in, kept for some ticks.
-#[derive(Debug)]
+/// The ways out of the zones that the robot stands in, kept for some ticks; their room for good.
+#[derive(Debug, Default)]
 struct Exits {
-    age_s: f64,
-    /// `None` when there is no way out.
-    map: Option<Arc<ExitMap>>,
+    /// How old they are, seconds; `None` when the robot stood in no zone since.
+    age_s: Option<f64>,
+    is_way_out: bool,
     /// Whether the only way out leads through zones that the robot is not in.
     through_zones: bool,
+    map: ExitMap,
 }
 
 impl Filter {
@@ -119,7 +109,7 @@ impl Filter {
         let sigma =
             Control { yaw_rate_rad_s: config.sigma_yaw_rate_rad_s, accel_m_s2: config.sigma_accel_m_s2 };
         let FilterConfig { n_samples, n_rounds, n_steps, .. } = config;
-        Ok(Filter {
+        let filter = Filter {
             literal: PaperLiteral::new(config.method == Method::PaperLiteralBlending),
             config,
             assumptions,
@@ -130,13 +120,14 @@ impl Filter {
             on_the_way: OnTheWay::default(),
             last_command: Twist::ZERO,
             told_inside: HashMap::new(),
-            exits: None,
+            exits: Exits::default(),
             unfreeze: Unfreeze::default(),
             noise: Noise::default(),
             best: Best::default(),
             continued: Best::default(),
-            room: Room { plans: Vec::with_capacity(N_PLANS_KEPT), ..Room::default() },
-        })
+            room: Room::default(),
+        };
+        Ok(filter.on(Isa::detect()))
     }
 
     /// The same filter on these instructions instead of the widest that the processor has, to compare them: what
@@ -145,6 +136,8 @@ impl Filter {
     pub fn on(mut self, isa: Isa) -> Filter {
         self.noise = Noise::on(isa);
         self.room.scene.points = vec![PointIndex::on(isa)];
+        // The room that every tick needs is there before the first.
+        self.noise_for_this_tick();
         self
     }
 
@@ -194,8 +187,8 @@ impl Filter {
         self.decide(choice, world, start, nominal, wanted)
     }
 
-    /// Takes a decision back that nobody reads any more: the next one is written in its room, and a tick that chooses
-    /// among certified plans then allocates nothing.
+    /// Takes a decision back that nobody reads any more: the next one is written in its room, and ticks
+    /// like those before then allocate nothing.
     pub fn take_back(&mut self, decision: Decision) {
         self.room.texts.take_back(decision);
     }
@@ -254,7 +247,7 @@ impl Filter {
         let deviation = if action == Action::Passed { 0.0 } else { deviation(sent, wanted, &limits) };
         let words = words(&mut self.room.texts, &action, command, nominal, held_by.as_ref());
         let last = self.plan.replace(plan);
-        self.room.keep(last);
+        self.room.plans.keep(last);
         let command = self.send(command);
         let (v_safe_m, v_sent_m) = (v_safe_m.clamp(-FAR_M, FAR_M), v_sent_m.clamp(-FAR_M, FAR_M));
         Decision { command, action, v_safe_m, v_sent_m, binding: held_by, certified, deviation, words }
@@ -273,14 +266,14 @@ impl Filter {
             binding: None,
             certified: Certified::No { why },
             deviation: 0.0,
-            words: format!("braking: {why}"),
+            words: braking_words(&mut self.room.texts, why),
         }
     }
 
     fn forget_plans(&mut self) {
-        self.plan = None;
-        self.safest = None;
-        self.unfreeze = Unfreeze::default();
+        self.room.plans.keep(self.plan.take());
+        self.room.plans.keep(self.safest.take());
+        self.unfreeze.forget();
     }
 
     /// The last command after braking for `elapsed`, along its own arc.
@@ -312,8 +305,8 @@ impl Filter {
         for plan in [&mut self.plan, &mut self.safest].into_iter().flatten() {
             plan.advance(seconds);
         }
-        if let Some(exits) = &mut self.exits {
-            exits.age_s += seconds;
+        if let Some(age_s) = &mut self.exits.age_s {
+            *age_s += seconds;
         }
     }
 

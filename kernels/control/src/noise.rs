@@ -1,19 +1,21 @@
 //! The chance in the score: standard normal draws, reproducible from a seed and the number of the tick.
 
+use crate::fast::rollouts::Draws;
 use crate::fast::sweep::padded;
 use crate::fast::{Isa, normal};
 
 /// Standard normal draws for the sampled sequences of one tick, shared by all its scores.
 ///
-/// Lie as sweeps read them: round by round, step by step, sample by sample. A round is drawn when it is first
-/// needed: most ticks are decided by full braking and need none.
+/// Lie as sweeps read them: round by round, step by step, sample by sample. A step is drawn when it is first
+/// needed: most ticks are decided by full braking and need none, and most rounds by their first steps.
 #[derive(Clone, Debug)]
 pub(crate) struct Noise {
     isa: Isa,
     key: u64,
     n_samples: usize,
     n_steps: usize,
-    n_drawn: usize,
+    /// Steps drawn of each round.
+    n_drawn: Vec<usize>,
     /// Whether sample 0 of each round is the incumbent itself: its draws are zero.
     keeps_incumbent: bool,
     first: Vec<f32>,
@@ -30,7 +32,8 @@ impl Noise {
     /// No draws yet.
     pub(crate) fn on(isa: Isa) -> Noise {
         let (first, second) = (Vec::new(), Vec::new());
-        Noise { isa, key: 0, n_samples: 0, n_steps: 0, n_drawn: 0, keeps_incumbent: false, first, second }
+        let n_drawn = Vec::new();
+        Noise { isa, key: 0, n_samples: 0, n_steps: 0, n_drawn, keeps_incumbent: false, first, second }
     }
 
     /// Zero draws for sample 0 of each round.
@@ -48,7 +51,9 @@ impl Noise {
         n_steps: usize,
     ) {
         self.key = normal::key(seed, tick);
-        (self.n_samples, self.n_steps, self.n_drawn) = (n_samples, n_steps, 0);
+        (self.n_samples, self.n_steps) = (n_samples, n_steps);
+        self.n_drawn.clear();
+        self.n_drawn.resize(n_rounds, 0);
         let n = n_rounds * n_steps * padded(n_samples);
         self.first.resize(n, 0.0);
         self.second.resize(n, 0.0);
@@ -70,46 +75,78 @@ impl Noise {
 
     /// Sees to it that the first `n_rounds` are drawn.
     pub(crate) fn draw(&mut self, n_rounds: usize) {
-        let n_round = self.n_round();
-        while self.n_drawn < n_rounds && (self.n_drawn + 1) * n_round <= self.first.len() && n_round > 0 {
-            let range = self.n_drawn * n_round..(self.n_drawn + 1) * n_round;
-            let (first, second) = (&mut self.first[range.clone()], &mut self.second[range.clone()]);
-            // Whole vectors; the rest of a step's room belongs to no sample.
-            let (n_lanes, n) = (padded(self.n_samples), self.n_samples.next_multiple_of(self.isa.n_floats()));
-            let steps = first.chunks_exact_mut(n_lanes).zip(second.chunks_exact_mut(n_lanes));
-            for (step, (first, second)) in steps.enumerate() {
-                let from = (range.start + step * n_lanes) as u32;
-                normal::fill(self.isa, self.key, from, &mut first[..n], &mut second[..n]);
-            }
-            if self.keeps_incumbent {
-                for step in 0..self.n_steps {
-                    let at = step * padded(self.n_samples);
-                    (first[at], second[at]) = (0.0, 0.0);
-                }
-            }
-            self.n_drawn += 1;
+        for round in 0..n_rounds.min(self.n_drawn.len()) {
+            self.draw_steps(round, self.n_steps);
         }
+    }
+
+    /// Sees to it that the first `n_steps` of a round are drawn.
+    fn draw_steps(&mut self, round: usize, n_steps: usize) {
+        // Whole vectors; the rest of a step's room belongs to no sample.
+        let (n_lanes, n) = (self.n_lanes(), self.n_samples.next_multiple_of(self.isa.n_floats()));
+        for step in self.n_drawn[round]..n_steps {
+            let from = round * self.n_round() + step * n_lanes;
+            let (first, second) = (&mut self.first[from..from + n], &mut self.second[from..from + n]);
+            normal::fill(self.isa, self.key, from as u32, first, second);
+            if self.keeps_incumbent && n > 0 {
+                (first[0], second[0]) = (0.0, 0.0);
+            }
+            self.n_drawn[round] = step + 1;
+        }
+    }
+
+    /// The draws of one round, step by step.
+    pub(crate) fn steps_of(&mut self, round: usize) -> Round<'_> {
+        Round { noise: self, round }
     }
 
     /// The draws of one round, drawn before: [`Noise::n_lanes`] for each step.
     pub(crate) fn round(&self, round: usize) -> [&[f32]; 2] {
-        debug_assert!(round < self.n_drawn);
+        debug_assert!(self.n_drawn[round] == self.n_steps);
         let range = round * self.n_round()..(round + 1) * self.n_round();
         [&self.first[range.clone()], &self.second[range]]
     }
 
-    /// One draw of a round.
+    /// One draw of a round, drawn before.
     #[inline]
     pub(crate) fn pair(&self, round: usize, step: usize, sample: usize) -> (f64, f64) {
         let at = round * self.n_round() + step * self.n_lanes() + sample;
         (f64::from(self.first[at]), f64::from(self.second[at]))
     }
 
-    /// One sequence, drawn before; they are counted through all rounds.
+    /// One sequence; they are counted through all rounds. What was not drawn before is drawn for it alone.
     pub(crate) fn sequence(&self, idx: usize) -> impl Iterator<Item = (f64, f64)> + Clone + '_ {
         let (round, sample) = (idx / self.n_samples, idx % self.n_samples);
-        debug_assert!(round < self.n_drawn);
-        (0..self.n_steps).map(move |step| self.pair(round, step, sample))
+        let n_drawn = self.n_drawn[round];
+        (0..self.n_steps).map(move |step| match step < n_drawn {
+            true => self.pair(round, step, sample),
+            false => self.pair_drawn_alone(round, step, sample),
+        })
+    }
+
+    fn pair_drawn_alone(&self, round: usize, step: usize, sample: usize) -> (f64, f64) {
+        if self.keeps_incumbent && sample == 0 {
+            return (0.0, 0.0);
+        }
+        let (first, second) =
+            normal::at(self.key, (round * self.n_round() + step * self.n_lanes() + sample) as u32);
+        (f64::from(first), f64::from(second))
+    }
+}
+
+/// The draws of one round, made step by step.
+pub(crate) struct Round<'a> {
+    noise: &'a mut Noise,
+    round: usize,
+}
+
+impl Draws for Round<'_> {
+    fn of_step(&mut self, step: usize) -> [&[f32]; 2] {
+        let Round { noise, round } = self;
+        noise.draw_steps(*round, step + 1);
+        let from = *round * noise.n_round() + step * noise.n_lanes();
+        let range = from..from + noise.n_lanes();
+        [&noise.first[range.clone()], &noise.second[range]]
     }
 }
 
@@ -136,6 +173,19 @@ mod tests {
         let mean = draws.iter().map(|(a, b)| a + b).sum::<f64>() / n;
         let square = draws.iter().map(|(a, b)| a * a + b * b).sum::<f64>() / n;
         assert!(mean.abs() < 0.03 && (square - 1.0).abs() < 0.05, "{mean} {square}");
+    }
+
+    #[test]
+    fn a_sequence_is_the_same_whether_drawn_with_its_round_or_alone() {
+        for mut noise in [Noise::default(), Noise::default().keeping_incumbents()] {
+            noise.begin(3, 9, (3, 50), 20);
+            let all = |noise: &Noise| (0..150).flat_map(|idx| noise.sequence(idx)).collect::<Vec<_>>();
+            let alone = all(&noise);
+            let _ = noise.steps_of(1).of_step(6);
+            let partly = all(&noise);
+            noise.draw(3);
+            assert!(alone == all(&noise) && partly == alone);
+        }
     }
 
     #[test]

@@ -5,7 +5,11 @@
 
 use geometry::Twist;
 
-use crate::dynamics::{Control, Limits, Moved, State};
+use crate::dynamics::{Bend, Control, Heading, Limits, State};
+
+mod spares;
+
+pub(crate) use spares::Spares;
 
 /// Most samples of a plan: 400 steps and a tail of as many.
 const N_SAMPLES_MAX: usize = 1200;
@@ -53,21 +57,23 @@ impl Plan {
         samples.reserve(controls.len() + 32);
         samples.push(Sample { state: start, yaw_rate_rad_s: 0.0, moving_s: 0.0, path_m: 0.0 });
         let mut plan = Plan { samples, step_s, at_s: 0.0 };
+        let mut heading = Heading::of(start.yaw_rad);
         for &control in controls {
-            plan.push(control, limits);
+            plan.push(control, limits, &mut heading);
         }
         let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2: -limits.accel_m_s2_max };
         while tail && !plan.ends_at_rest() && plan.samples.len() < N_SAMPLES_MAX {
-            plan.push(braking, limits);
+            plan.push(braking, limits, &mut heading);
         }
         plan
     }
 
-    fn push(&mut self, control: Control, limits: &Limits) {
+    fn push(&mut self, control: Control, limits: &Limits, heading: &mut Heading) {
         let step_s = self.step_s;
         let Some(last) = self.samples.last_mut() else { return };
         last.yaw_rate_rad_s = control.yaw_rate_rad_s;
-        let state = last.state.after(control, step_s, limits);
+        let end_m_s = limits.speed_after(last.state.speed_m_s, control.accel_m_s2, step_s);
+        let state = last.state.ramped_along(heading, control.yaw_rate_rad_s, end_m_s, step_s);
         let moves = last.state.speed_m_s > 0.0 || state.speed_m_s > 0.0;
         let next = Sample {
             state,
@@ -82,11 +88,6 @@ impl Plan {
     #[must_use]
     pub fn samples(&self) -> &[Sample] {
         &self.samples
-    }
-
-    /// Room for another plan.
-    pub(crate) fn into_room(self) -> Vec<Sample> {
-        self.samples
     }
 
     /// A copy in the room of a plan that is no more.
@@ -185,62 +186,49 @@ impl Plan {
     }
 }
 
-/// The samples of a plan, one by one: for who may not want all of them.
+/// One moment of a plan that is rolled out step by step, for who may not want all of it.
 ///
-/// The same as [`Plan::roll`]'s with its tail, to the rounding of a heading that is turned step by step.
-#[derive(Clone, Debug)]
-pub(crate) struct Rolling<C> {
-    controls: C,
-    next: Option<Sample>,
+/// The same as [`Plan::roll`]'s, to the rounding of a heading that is turned step by step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rolling {
+    /// The turn rate of the segment that starts here is not known yet: 0.
+    pub sample: Sample,
     cos: f64,
     sin: f64,
-    step_s: f64,
-    limits: Limits,
-    n_left: usize,
 }
 
-impl<C: Iterator<Item = Control>> Rolling<C> {
-    pub(crate) fn new(start: State, controls: C, step_s: f64, limits: &Limits) -> Self {
+impl Rolling {
+    pub(crate) fn from(start: State) -> Rolling {
         let (sin, cos) = start.yaw_rad.sin_cos();
-        let next = Some(Sample { state: start, yaw_rate_rad_s: 0.0, moving_s: 0.0, path_m: 0.0 });
-        Rolling { controls, next, cos, sin, step_s, limits: *limits, n_left: N_SAMPLES_MAX }
+        let sample = Sample { state: start, yaw_rate_rad_s: 0.0, moving_s: 0.0, path_m: 0.0 };
+        Rolling { sample, cos, sin }
     }
-}
 
-impl<C: Iterator<Item = Control>> Iterator for Rolling<C> {
-    type Item = Sample;
-
-    fn next(&mut self) -> Option<Sample> {
-        let mut sample = self.next.take()?;
-        let State { x_m, y_m, yaw_rad, speed_m_s } = sample.state;
-        let (step_s, limits) = (self.step_s, &self.limits);
-        self.n_left = self.n_left.saturating_sub(1);
-        let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2: -limits.accel_m_s2_max };
-        let tail = (speed_m_s > 0.0 && self.n_left > 0).then_some(braking);
-        if let Some(control) = self.controls.next().or(tail) {
-            sample.yaw_rate_rad_s = control.yaw_rate_rad_s;
-            let end_m_s = limits.speed_after(speed_m_s, control.accel_m_s2, step_s);
-            let turn_rad = control.yaw_rate_rad_s * step_s;
-            let moved = Moved::over(speed_m_s, end_m_s, turn_rad, step_s);
-            let state = State {
-                x_m: x_m + self.cos * moved.along_m - self.sin * moved.aside_m,
-                y_m: y_m + self.sin * moved.along_m + self.cos * moved.aside_m,
-                yaw_rad: yaw_rad + turn_rad,
-                speed_m_s: end_m_s,
-            };
-            (self.cos, self.sin) = (
-                self.cos * moved.turn_cos - self.sin * moved.turn_sin,
-                self.sin * moved.turn_cos + self.cos * moved.turn_sin,
-            );
-            let moves = speed_m_s > 0.0 || end_m_s > 0.0;
-            self.next = Some(Sample {
-                state,
-                yaw_rate_rad_s: 0.0,
-                moving_s: sample.moving_s + if moves { step_s } else { 0.0 },
-                path_m: sample.path_m + (speed_m_s + end_m_s) / 2.0 * step_s,
-            });
+    /// The next moment under a control; `bend` is the last step's.
+    pub(crate) fn after(&self, control: Control, step_s: f64, limits: &Limits, bend: &mut Bend) -> Rolling {
+        let Rolling { sample: Sample { state, moving_s, path_m, .. }, cos, sin } = *self;
+        let State { x_m, y_m, yaw_rad, speed_m_s } = state;
+        let end_m_s = limits.speed_after(speed_m_s, control.accel_m_s2, step_s);
+        let turn_rad = control.yaw_rate_rad_s * step_s;
+        let moved = bend.becomes(turn_rad).over(speed_m_s, end_m_s, step_s);
+        let state = State {
+            x_m: x_m + cos * moved.along_m - sin * moved.aside_m,
+            y_m: y_m + sin * moved.along_m + cos * moved.aside_m,
+            yaw_rad: yaw_rad + turn_rad,
+            speed_m_s: end_m_s,
+        };
+        let moves = speed_m_s > 0.0 || end_m_s > 0.0;
+        let sample = Sample {
+            state,
+            yaw_rate_rad_s: 0.0,
+            moving_s: moving_s + if moves { step_s } else { 0.0 },
+            path_m: path_m + (speed_m_s + end_m_s) / 2.0 * step_s,
+        };
+        Rolling {
+            sample,
+            cos: cos * moved.turn_cos - sin * moved.turn_sin,
+            sin: sin * moved.turn_cos + cos * moved.turn_sin,
         }
-        Some(sample)
     }
 }
 
@@ -283,20 +271,21 @@ mod tests {
 
     proptest! {
         #[test]
-        fn samples_one_by_one_are_those_of_the_plan(
+        fn moments_one_by_one_are_those_of_the_plan(
             raw in prop::collection::vec((-1.0..1.0_f64, -3.0..3.0_f64), 0..40), speed_m_s in 0.0..1.5_f64,
         ) {
             let start = State { speed_m_s, yaw_rad: 0.7, ..State::default() };
             let control = |&(yaw_rate_rad_s, accel_m_s2): &(f64, f64)| Control { yaw_rate_rad_s, accel_m_s2 };
             let controls: Vec<Control> = raw.iter().map(control).collect();
             let plan = Plan::roll(start, &controls, 0.05, &limits(), true);
-            let rolled: Vec<Sample> = Rolling::new(start, controls.into_iter(), 0.05, &limits()).collect();
-            prop_assert_eq!(rolled.len(), plan.samples().len());
-            for (one, other) in rolled.iter().zip(plan.samples()) {
+            let (mut here, mut bend) = (Rolling::from(start), Bend::NONE);
+            for (control, other) in controls.into_iter().zip(&plan.samples()[1..]) {
+                here = here.after(control, 0.05, &limits(), &mut bend);
+                let one = here.sample;
                 prop_assert!((one.state.x_m - other.state.x_m).abs() < 1e-9);
                 prop_assert!((one.state.y_m - other.state.y_m).abs() < 1e-9);
                 prop_assert_eq!(one.state.speed_m_s, other.state.speed_m_s);
-                prop_assert_eq!((one.yaw_rate_rad_s, one.moving_s), (other.yaw_rate_rad_s, other.moving_s));
+                prop_assert_eq!((one.path_m, one.moving_s), (other.path_m, other.moving_s));
             }
         }
 

@@ -14,7 +14,7 @@ use crate::fast::Isa;
 
 mod nearest;
 
-use nearest::{Candidates, N_BLOCK, Nearest};
+use nearest::{Apart, Candidates, N_BLOCK, Nearest, least};
 
 /// Side of a cell, metres: small enough for short lists, large enough for few cells.
 const CELL_M: f64 = 0.1;
@@ -24,6 +24,8 @@ const N_COARSE: usize = 4;
 const N_SIDE_MAX: usize = 160;
 /// Cells and coarse cells along one side that lists are kept of: who lies so far apart shares its place.
 const N_KEPT: [usize; 2] = [64, 16];
+/// So many places in lists there is room for from the beginning.
+const N_LISTED: usize = 2048;
 /// Stands in for no point: farther than any reach.
 const NOWHERE_M: f64 = 1e9;
 
@@ -72,9 +74,11 @@ impl Default for PointIndex {
 }
 
 impl PointIndex {
-    /// An index of nothing.
+    /// An index of nothing, with room for some hundred points and their lists.
     pub(crate) fn on(isa: Isa) -> PointIndex {
-        PointIndex { isa, low: Point2::origin(), n_side: 0, reach_m: 0.0, lists: Box::default() }
+        let mut lists = Lists::default();
+        lists.make_room();
+        PointIndex { isa, low: Point2::origin(), n_side: 0, reach_m: 0.0, lists: Box::new(lists.into()) }
     }
 
     /// Makes it an index of those finite points within `reach_m` of `centre` that belong to it; `false` when
@@ -89,8 +93,7 @@ impl PointIndex {
         let lists = self.lists.get_mut();
         // A point left out is farther than the reach from every place within it, and no distance above the
         // reach is ever reported: none is too large.
-        let is_near = |p: &Point2| (p - centre).norm_squared() <= 4.0 * reach_m * reach_m;
-        if lists.take(points.iter().map(|p| (*p, is_near(p) && belongs(p)))) == 0 {
+        if lists.take(self.isa, points, belongs, centre, 2.0 * reach_m) == 0 {
             return false;
         }
         self.n_side = ((2.0 * reach_m / CELL_M).ceil() as usize + 1).clamp(1, N_SIDE_MAX);
@@ -106,8 +109,19 @@ impl PointIndex {
     pub(crate) fn distance_m(&self, place: Point2) -> f64 {
         let mut lists = self.lists.borrow_mut();
         let range = self.cell(place).map_or(0..lists.n_all, |cell| lists.of_cell(self.isa, self.low, cell));
+        self.least_m(&lists, range, place)
+    }
+
+    /// The same by looking at every point: cheaper where no other place nearby is asked for.
+    pub(crate) fn distance_by_all_m(&self, place: Point2) -> f64 {
+        let lists = self.lists.borrow();
+        self.least_m(&lists, 0..lists.n_all, place)
+    }
+
+    #[inline]
+    fn least_m(&self, lists: &Lists, range: Range<usize>, place: Point2) -> f64 {
         let (x_m, y_m) = (&lists.x_m[range.clone()], &lists.y_m[range]);
-        self.isa.run(Nearest { x_m, y_m, place }).sqrt().min(self.reach_m)
+        least(self.isa.run(Nearest { x_m, y_m, place }).sqrt(), self.reach_m)
     }
 
     /// Calls `take` with points around a place, about `n` of them and evenly out of those that can be nearest
@@ -132,17 +146,29 @@ impl PointIndex {
 }
 
 impl Lists {
-    /// Takes those points that are to be taken; how many.
-    fn take(&mut self, points: impl ExactSizeIterator<Item = (Point2, bool)>) -> usize {
-        let n_most = points.len();
-        self.x_m.resize(n_most, NOWHERE_M);
-        self.y_m.resize(n_most, NOWHERE_M);
-        let (x_m, y_m) = (&mut self.x_m[..n_most], &mut self.y_m[..n_most]);
-        // Written whether taken or not, without a branch; who is not taken is written over.
-        let mut n = 0_usize;
-        for (point, is_taken) in points {
+    /// Takes those points within `far_m` of a centre that belong; how many.
+    fn take(
+        &mut self,
+        isa: Isa,
+        points: &[Point2],
+        belongs: impl Fn(&Point2) -> bool,
+        centre: Point2,
+        far_m: f64,
+    ) -> usize {
+        self.x_m.resize(points.len(), NOWHERE_M);
+        self.y_m.resize(points.len(), NOWHERE_M);
+        let (x_m, y_m) = (&mut self.x_m[..points.len()], &mut self.y_m[..points.len()]);
+        let square_m2 = far_m * far_m;
+        // Nearly always all are near, and belong.
+        let all_near = isa.run(Apart { points, x_m, y_m, centre, square_m2 });
+        if all_near && points.iter().all(&belongs) {
+            return points.len();
+        }
+        let is_taken = |point: &Point2| (point - centre).norm_squared() <= square_m2 && belongs(point);
+        let mut n = 0;
+        for point in points.iter().filter(|point| is_taken(point)) {
             (x_m[n], y_m[n]) = (point.x, point.y);
-            n = n.wrapping_add(usize::from(is_taken));
+            n += 1;
         }
         self.x_m.truncate(n);
         self.y_m.truncate(n);
@@ -162,8 +188,15 @@ impl Lists {
             self.coarse.clear();
             self.turn = 1;
         }
+        self.make_room();
+    }
+
+    fn make_room(&mut self) {
         self.fine.resize(N_KEPT[0] * N_KEPT[0], Kept::default());
         self.coarse.resize(N_KEPT[1] * N_KEPT[1], Kept::default());
+        for list in [&mut self.x_m, &mut self.y_m] {
+            list.reserve(N_LISTED.saturating_sub(list.len()));
+        }
     }
 
     /// What can be nearest in a cell, by its column and row.
@@ -205,16 +238,21 @@ impl Lists {
         let (square_m2, is_candidate) = (&mut self.square_m2[..n], &mut self.is_candidate[..n]);
         let (x_m, y_m) = (&self.x_m[of.clone()], &self.y_m[of.clone()]);
         isa.run(Candidates { x_m, y_m, square_m2, is_candidate, centre, side_m });
-        let from = self.x_m.len();
+        let (from, mut to) = (self.x_m.len(), self.x_m.len());
+        // Room for all of them: who is written and is no candidate is written over.
+        self.x_m.resize(from + n + 1, NOWHERE_M);
+        self.y_m.resize(from + n + 1, NOWHERE_M);
         for (block, flags) in self.is_candidate[..n].as_chunks::<N_BLOCK>().0.iter().enumerate() {
             if u64::from_ne_bytes(*flags) == 0 {
                 continue;
             }
-            for at in (0..N_BLOCK).filter(|k| flags[*k] != 0).map(|k| of.start + block * N_BLOCK + k) {
-                self.x_m.push(self.x_m[at]);
-                self.y_m.push(self.y_m[at]);
+            for (at, flag) in (of.start + block * N_BLOCK..).zip(flags) {
+                (self.x_m[to], self.y_m[to]) = (self.x_m[at], self.y_m[at]);
+                to += usize::from(*flag);
             }
         }
+        self.x_m.truncate(to);
+        self.y_m.truncate(to);
         self.fill_up();
         from..self.x_m.len()
     }
@@ -252,6 +290,7 @@ mod tests {
             for place in places {
                 let slow = points.iter().map(|p| (p - place).norm()).fold(f64::INFINITY, f64::min);
                 prop_assert!((index.distance_m(place) - slow.min(10.0)).abs() < 1e-12);
+                prop_assert_eq!(index.distance_m(place), index.distance_by_all_m(place));
             }
         }
     }

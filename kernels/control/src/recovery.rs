@@ -3,37 +3,22 @@
 //! The paper's score is blind there: every sample is worth l(x₀). Instead motions are ranked by what they do
 //! wrong over time: first hitting an obstacle, then entering a zone the robot is not in or breaking a limit,
 //! then the depth in the zones it is in, and how far the exit is at the end. Turn-then-drive motions are
-//! always among the candidates. Deliberately not here: whether to recover (`filter`).
+//! always among the candidates. Deliberately not here: whether to recover (`filter`), how harm is reckoned (`judge`).
 
-use crate::dynamics::{Control, Limits, State};
-use crate::exit::{ExitMap, is_outside};
+use crate::dynamics::{Control, Limits};
+use crate::exit::ExitMap;
 use crate::manoeuvres::{TurnAndDrive, headings};
-use crate::plan::{Plan, Rolling, Sample};
+use crate::plan::{Plan, Sample};
 use crate::scene::{Assumptions, Scene};
-use crate::score::FIELD_SLOPE;
 
-/// Weights of the ranking, in falling importance: an order of a thousand keeps the classes apart.
-const OBSTACLE_WEIGHT: f64 = 1e6;
-/// See [`OBSTACLE_WEIGHT`]: for entering zones and breaking limits.
-const RULE_WEIGHT: f64 = 1e3;
-/// Cost of a metre to the exit at the end of a plan, against a metre of depth for a second. More than a metre
-/// deeper can cost all along ([`Judge::depth_weight`]): a metre nearer to the exit always pays.
-const EXIT_WEIGHT: f64 = 8.0;
-/// Stands for "no way out": farther than any exit.
-const NO_EXIT_M: f64 = 50.0;
-/// Already too near an obstacle, the field may be followed down by rounding only, metres.
-const ROUNDING_M: f64 = 1e-4;
-/// Cost of a metre deeper into the zones than at the start: less than what the way out gains by it, or
-/// nobody whose way out leads deeper would go, but enough to turn round at an edge rather than cross.
-const DEEPER_WEIGHT: f64 = 2.0;
-/// Plans are compared over the time of half a turn and this much, seconds.
-const COMPARED_S: f64 = 2.0;
+mod judge;
+
+use judge::{Judge, Judged};
+
 /// Lengths along the way out that are driven to straight, metres.
 const ALONG_M: [f64; 4] = [0.2, 0.4, 0.8, 1.6];
 /// A slight preference for what is under way, so that two equal ways do not alternate.
 const UNDER_WAY_FAVOUR: f64 = 0.98;
-/// Too near an obstacle, how far beyond the tube the way back leads, metres.
-const TOO_NEAR_BEYOND_M: f64 = 0.01;
 /// Under a limit of the turn rate, the slowest that turns are planned with, rad/s.
 const TURN_RATE_RAD_S_MIN: f64 = 0.1;
 /// Lengths of the drive after the turn, metres: out of a corner, and out of a large zone.
@@ -53,17 +38,34 @@ impl Ranked {
     }
 }
 
-/// The candidate of least harm: what is left of the last plan, brakes, arcs, and turn-then-drive motions.
-pub(crate) fn least_harm(scene: &Scene<'_>, exits: Option<&ExitMap>, kept: Option<&Plan>) -> Option<Ranked> {
-    let judge = Judge::new(scene, exits);
-    let mut ranking = Ranking { judge, best: None, controls: Vec::new() };
+/// What a ranking leaves to the next one, so that nothing is allocated.
+#[derive(Debug, Default)]
+pub(crate) struct Room {
+    trunk: Vec<Judged>,
+    controls: Vec<Control>,
+}
+
+/// The candidate of least harm: what is left of the last plan, brakes, arcs, and turn-then-drive motions. The plan
+/// is written in the room of one that is no more.
+pub(crate) fn least_harm(
+    scene: &Scene<'_>,
+    exits: Option<&ExitMap>,
+    kept: Option<&Plan>,
+    room: &mut Room,
+    samples: Vec<Sample>,
+) -> Option<Ranked> {
+    let judge = Judge::new(scene, exits, std::mem::take(&mut room.trunk));
+    let mut ranking = Ranking { judge, best: None, controls: std::mem::take(&mut room.controls) };
+    ranking.controls.clear();
     if let Some(kept) = kept {
         ranking.consider(remaining_controls(kept), UNDER_WAY_FAVOUR);
     }
     consider_candidates(scene, exits, &mut ranking);
     let Assumptions { limits, step_s, .. } = scene.assumptions;
-    let (_, obstacle_m) = ranking.best?;
-    Some(Ranked { plan: Plan::roll(scene.start, &ranking.controls, step_s, &limits, true), obstacle_m })
+    let Ranking { judge, best, controls } = ranking;
+    let plan = Plan::roll_into(samples, scene.start, &controls, step_s, &limits, true);
+    *room = Room { trunk: judge.trunk, controls };
+    best.map(|(_, obstacle_m)| Ranked { plan, obstacle_m })
 }
 
 /// The best candidate so far; the others are followed no farther than they are harmless enough.
@@ -77,9 +79,7 @@ struct Ranking<'a, 'w> {
 impl Ranking<'_, '_> {
     fn consider(&mut self, controls: impl Iterator<Item = Control> + Clone, favour: f64) {
         let ceiling = self.best.map_or(f64::INFINITY, |(harm, _)| harm);
-        if let Some((harm, obstacle_m)) = self.judge.judge(controls.clone(), ceiling)
-            && harm * favour < ceiling
-        {
+        if let Some((harm, obstacle_m)) = self.judge.judge(controls.clone(), ceiling) {
             self.best = Some((harm * favour, obstacle_m));
             self.controls.clear();
             self.controls.extend(controls);
@@ -133,168 +133,4 @@ fn consider_candidates(scene: &Scene<'_>, exits: Option<&ExitMap>, ranking: &mut
             }
         }
     }
-}
-
-/// What stays the same for all candidates of one tick.
-struct Judge<'a, 'w> {
-    scene: &'a Scene<'w>,
-    exits: Option<&'a ExitMap>,
-    start_depth_m: f64,
-    is_in_zone: bool,
-    /// What full braking falls short of the obstacles' margins, as far as an error of the position explains
-    /// it, metres: who falls short by no more has nothing to gain by breaking a rule.
-    forgiven_m: f64,
-    /// Time over which plans are compared, seconds.
-    compared_s: f64,
-    /// Cost of a metre of depth for a second: a metre deeper, all the time that is compared and at the deepest, costs
-    /// less than a metre of the way out.
-    depth_weight: f64,
-}
-
-/// What a plan does wrong, class by class; every part only grows along the plan.
-#[derive(Clone, Copy, Debug, Default)]
-struct Wrongs {
-    /// By how much it comes too near to an obstacle, metres.
-    obstacle_m: f64,
-    /// By how much it enters a zone that it was not in, metres.
-    entered_m: f64,
-    /// By how much and how long it breaks limits, in m/s or rad/s times seconds.
-    over_s: f64,
-    /// Depth times time in the zones it is in, m s.
-    depth_m_s: f64,
-    /// Depth beyond that of the start, metres.
-    deeper_m: f64,
-}
-
-impl Wrongs {
-    fn harm(&self, forgiven_m: f64, depth_weight: f64) -> f64 {
-        OBSTACLE_WEIGHT * (self.obstacle_m - forgiven_m).max(0.0)
-            + RULE_WEIGHT * (self.entered_m + self.over_s)
-            + depth_weight * self.depth_m_s
-            + DEEPER_WEIGHT * self.deeper_m
-    }
-}
-
-impl<'a, 'w> Judge<'a, 'w> {
-    fn new(scene: &'a Scene<'w>, exits: Option<&'a ExitMap>) -> Self {
-        let start_depth_m = soft_depth_m(scene, scene.start);
-        let is_in_zone = scene.spatial.iter().any(|layer| layer.soft);
-        let rate_rad_s = scene.limits_in_force().yaw_rate_rad_s_max.max(TURN_RATE_RAD_S_MIN);
-        let compared_s = COMPARED_S + std::f64::consts::PI / rate_rad_s;
-        let depth_weight = ((EXIT_WEIGHT - DEEPER_WEIGHT - 1.0) / compared_s).min(1.0);
-        let judge =
-            Judge { scene, exits, start_depth_m, is_in_zone, forgiven_m: 0.0, compared_s, depth_weight };
-        let braking = judge.judge(std::iter::empty(), f64::INFINITY);
-        let braking_short_m = braking.map_or(0.0, |(_, short_m)| short_m);
-        let position_m = scene.assumptions.disturbance.position_m;
-        Judge { forgiven_m: braking_short_m.min(position_m), ..judge }
-    }
-
-    /// The harm of a sequence and how near it comes to obstacles, metres; `None` as soon as it exceeds `ceiling`.
-    fn judge(&self, controls: impl Iterator<Item = Control>, ceiling: f64) -> Option<(f64, f64)> {
-        let scene = self.scene;
-        let Assumptions { limits, step_s, .. } = scene.assumptions;
-        let mut wrongs = Wrongs::default();
-        let mut samples = Rolling::new(scene.start, controls, step_s, &limits);
-        let mut from = samples.next()?;
-        let mut n_steps = 0;
-        for to in samples {
-            n_steps += 1;
-            let tube_m = scene.tube_m(scene.start.speed_m_s, to.moving_s, to.path_m);
-            let lost_m = tube_m + scene.loss_m(to.path_m - from.path_m, from.yaw_rate_rad_s * step_s);
-            let counts_s = if f64::from(n_steps) * step_s <= self.compared_s { step_s } else { 0.0 };
-            self.add_spatial(&mut wrongs, &to, lost_m, counts_s);
-            wrongs.over_s += limits_broken(scene, (&from, &to), tube_m, n_steps == 1) * step_s;
-            if wrongs.harm(self.forgiven_m, self.depth_weight) > ceiling {
-                return None;
-            }
-            from = to;
-        }
-        let end = from.state;
-        let end_depth_m = soft_depth_m(scene, end);
-        // A short plan must not look harmless: it stays where it ends.
-        wrongs.depth_m_s += end_depth_m * (self.compared_s - f64::from(n_steps) * step_s).max(0.0);
-        let exit_m = match self.exits {
-            Some(exits) => match exits.distance_m(end.position()) {
-                far_m if far_m <= NO_EXIT_M => far_m,
-                // The map reaches a little beyond the nearest exit only.
-                _ if is_outside(scene, end.position()) => 0.0,
-                _ => NO_EXIT_M,
-            },
-            None if self.is_in_zone => end_depth_m,
-            None => 0.0,
-        };
-        let harm =
-            wrongs.harm(self.forgiven_m, self.depth_weight) + EXIT_WEIGHT * (exit_m + self.still_near_m(end));
-        (harm <= ceiling).then_some((harm, wrongs.obstacle_m))
-    }
-
-    /// Adds what the place of one sample does wrong; `counts_s` is the time it counts for.
-    fn add_spatial(&self, wrongs: &mut Wrongs, to: &Sample, lost_m: f64, counts_s: f64) {
-        let position_m = self.scene.assumptions.disturbance.position_m;
-        let fallen_m = FIELD_SLOPE * to.path_m + self.scene.assumptions.closing_speed_m_s * to.moving_s;
-        // Of zones that overlap only the deepest counts: two are left by the same way as one.
-        let mut soft_m = 0.0_f64;
-        for layer in &self.scene.spatial {
-            let is_far = layer.start_m - fallen_m > lost_m.max(0.0);
-            if is_far && !layer.soft && !layer.is_too_near(&self.scene.assumptions) {
-                // Farther than anything lost: it adds nothing.
-                continue;
-            }
-            let margin_m = layer.margin_m(to.state.position(), to.moving_s);
-            if layer.soft {
-                soft_m = soft_m.max(position_m - margin_m);
-                wrongs.deeper_m = wrongs.deeper_m.max(-margin_m - self.start_depth_m);
-                continue;
-            }
-            // Too near already: no plan can keep the margin, and none needs to come nearer.
-            let too_near = layer.is_too_near(&self.scene.assumptions);
-            let short_m = if too_near { layer.start_m - ROUNDING_M - margin_m } else { lost_m - margin_m };
-            if layer.is_base() {
-                wrongs.obstacle_m = wrongs.obstacle_m.max(short_m);
-            } else {
-                wrongs.entered_m = wrongs.entered_m.max(short_m);
-                wrongs.depth_m_s += short_m.max(0.0) * counts_s;
-            }
-            if too_near {
-                wrongs.depth_m_s += (position_m + TOO_NEAR_BEYOND_M - margin_m).max(0.0) * counts_s;
-            }
-        }
-        wrongs.depth_m_s += soft_m * counts_s;
-    }
-
-    /// How much is missing at the end of a plan to be clear of what the start is too near to, metres.
-    fn still_near_m(&self, end: State) -> f64 {
-        let assumptions = &self.scene.assumptions;
-        let clear_m = assumptions.disturbance.position_m + TOO_NEAR_BEYOND_M;
-        let near = self.scene.spatial.iter().filter(|layer| layer.is_too_near(assumptions));
-        near.map(|layer| clear_m - layer.margin_m(end.position(), 0.0)).fold(0.0, f64::max)
-    }
-}
-
-fn soft_depth_m(scene: &Scene<'_>, state: State) -> f64 {
-    let soft = scene.spatial.iter().filter(|layer| layer.soft);
-    soft.map(|layer| (-layer.margin_m(state.position(), 0.0)).max(0.0)).fold(0.0, f64::max)
-}
-
-/// By how much a segment breaks the limits where it may be in their zones; speeds and rates added.
-fn limits_broken(scene: &Scene<'_>, (from, to): (&Sample, &Sample), tube_m: f64, is_first: bool) -> f64 {
-    let accel_m_s2 = scene.assumptions.limits.accel_m_s2_max;
-    let measured_m_s = if is_first { scene.assumptions.disturbance.speed_m_s } else { 0.0 };
-    let guard_m = scene.zone_guard_m(tube_m);
-    let inside = |sample: &Sample, margin: &dyn Fn(&Sample) -> f64| margin(sample) <= guard_m;
-    scene
-        .limits
-        .iter()
-        .filter(|layer| {
-            let margin = |sample: &Sample| layer.zone_margin_m(sample.state.position());
-            inside(from, &margin) || inside(to, &margin)
-        })
-        .map(|layer| {
-            let from_over = from.state.speed_m_s - measured_m_s - layer.speed_at(from.moving_s, accel_m_s2);
-            let to_over = to.state.speed_m_s - layer.speed_at(to.moving_s, accel_m_s2);
-            let turn_over = from.yaw_rate_rad_s.abs() - layer.yaw_rate_rad_s;
-            from_over.max(to_over).max(0.0) + turn_over.max(0.0)
-        })
-        .sum()
 }

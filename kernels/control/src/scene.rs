@@ -202,7 +202,11 @@ impl<'w> Scene<'w> {
     /// Adds a layer that the hull must stay clear of.
     fn add_spatial(&mut self, source: Source, shape: Shape<'w>, keep_m: f64, here: &mut Place) {
         let mut layer = SpatialLayer { source, shape, keep_m, start_m: 0.0, soft: false };
-        layer.start_m = layer.margin_at(here, 0.0);
+        layer.start_m = match &layer.shape {
+            Shape::Field(_) => layer.margin_at(here, 0.0),
+            // The motions from here may never come near enough to the scan to ask for it.
+            Shape::Points(index, _) => index.distance_by_all_m(here.point) - keep_m,
+        };
         layer.soft = layer.start_m <= 0.0 && !layer.is_base();
         // Sorted as they come; of equally near ones the earlier stays first.
         let at = self.spatial.partition_point(|other| other.start_m.total_cmp(&layer.start_m).is_le());

@@ -8,7 +8,7 @@
 
 use geometry::Point2;
 
-use crate::dynamics::{Control, Moved, State};
+use crate::dynamics::{Bend, Control, State};
 use crate::scene::{Assumptions, Place, Scene, Shape};
 
 mod bounds;
@@ -97,7 +97,7 @@ impl Runner {
         let limits = &scene.assumptions.limits;
         let end_m_s = limits.speed_after(self.speed_m_s, control.accel_m_s2, step_s);
         let turn_rad = control.yaw_rate_rad_s * step_s;
-        let moved = Moved::over(self.speed_m_s, end_m_s, turn_rad, step_s);
+        let moved = Bend::of(turn_rad).over(self.speed_m_s, end_m_s, step_s);
         let length_m = (self.speed_m_s + end_m_s) / 2.0 * step_s;
         let moving = length_m > 0.0;
 
@@ -121,7 +121,7 @@ impl Runner {
         if moving {
             self.here_m = self.nearest_m(scene, scene.zone_guard_m(tube_m), place);
         }
-        self.kept_m = self.kept_m.min(before_m.min(self.here_m) - lost_m);
+        self.kept_m = least(least(before_m, self.here_m) - lost_m, self.kept_m);
         if self.kept_m <= floor_m || self.kept_m.is_nan() {
             return false;
         }
@@ -146,22 +146,22 @@ impl Runner {
             let bound_m = layer.start_m - fallen_m;
             // Layers are sorted by their margin at the start: the rest is farther still.
             if bound_m >= nearest_m || bound_m - guard_m >= self.kept_m {
-                skipped_m = skipped_m.min(bound_m);
+                skipped_m = least(bound_m, skipped_m);
                 break;
             }
             if let Shape::Points(_, closing_m_s) = layer.shape {
                 // The distance to a point falls no faster than the robot moves.
                 let bound_m = layer.start_m - self.path_m - closing_m_s * self.moving_s;
                 if bound_m >= nearest_m || bound_m - guard_m >= self.kept_m {
-                    skipped_m = skipped_m.min(bound_m);
+                    skipped_m = least(bound_m, skipped_m);
                     continue;
                 }
             }
             if !layer.soft {
-                nearest_m = nearest_m.min(layer.margin_at(place, self.moving_s));
+                nearest_m = least(layer.margin_at(place, self.moving_s), nearest_m);
             }
         }
-        nearest_m.min(skipped_m)
+        least(nearest_m, skipped_m)
     }
 
     fn zones_here(&self, scene: &Scene<'_>, tube_m: f64, place: &mut Place) -> u64 {
@@ -215,4 +215,10 @@ impl Runner {
         }
         Some(self.kept_m)
     }
+}
+
+/// The smaller of two: one instruction where NaN is not asked about. The second, where the first is no number.
+#[inline(always)]
+fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }

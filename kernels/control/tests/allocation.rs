@@ -1,6 +1,6 @@
 //! A step of the fast path allocates nothing once it has run: time spent in the allocator has no bound.
 //!
-//! Not here: ticks in which nothing is certified, or the way out of a zone is searched.
+//! Not here: the first ticks of a kind, which make the room that later ones use.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail loudly")]
 #![allow(unsafe_code, reason = "an allocator that counts is an allocator")]
@@ -13,7 +13,7 @@ use std::time::Duration;
 use control::standard::service::{Start, starts};
 use control::standard::{Sampling, Scene, StandardFilter};
 use control::{Action, Filter, FilterConfig, Isa, Method};
-use geometry::Profile;
+use geometry::{Profile, Twist};
 
 struct Counting;
 
@@ -112,5 +112,42 @@ fn a_tick_among_certified_plans_whose_decision_is_taken_back_allocates_nothing()
     }
     for action in ["Passed", "Blended", "Backup"] {
         assert!(actions.contains_key(action), "{actions:?}");
+    }
+}
+
+#[test]
+fn a_tick_that_looks_for_a_way_out_or_for_the_least_harm_allocates_nothing() {
+    let mut scene = scene();
+    let inside = [[1.0, 1.0, 0.3, 0.0], [1.1, 0.9, 2.0, 0.5], [4.1, 1.1, 4.0, 0.3], [4.0, 0.8, 1.0, 0.0]];
+    let too_fast = [[1.62, 2.5, 0.0, 1.2], [1.55, 2.4, 0.1, 1.2], [2.5, 3.4, -1.6, 1.2]];
+    let too_near = [[1.847, 2.5, 0.0, 0.0], [2.5, 3.152, -1.6, 0.0]];
+    let stuck = [[1.835, 2.5, 0.0, 0.0], [1.84, 2.5, 0.0, 0.0], [2.5, 3.162, -1.57, 0.0]];
+    let all = inside.iter().chain(&too_fast).chain(&too_near).chain(&stuck);
+    scene.states = all.map(|[x, y, yaw, v]| [*x, *y, *yaw, *v, 0.0, 2.0]).collect();
+    let starts = starts(&scene).unwrap();
+    let profile = Profile::sim();
+    let config = FilterConfig { latency_s: 0.0, ..FilterConfig::for_profile(&profile) };
+    let mut kinds = std::collections::BTreeSet::new();
+    for Start { state, nominal, world } in &starts {
+        let mut filter = Filter::new(config.clone(), &profile).unwrap();
+        // Twice the time for which ways out are kept, and for which a robot must be stuck, and more.
+        for tick in 0..120 {
+            let mut action = Action::Passed;
+            // Once in a while an input that cannot be used.
+            let nominal = if tick % 40 == 39 { Twist::new(f64::NAN, 0.0) } else { *nominal };
+            let n = n_allocated(|| {
+                let decision = filter.step(Duration::from_millis(50), *state, nominal, world);
+                action.clone_from(&decision.action);
+                filter.take_back(decision);
+            });
+            let kind: String = format!("{action:?}").chars().take_while(char::is_ascii_alphabetic).collect();
+            // The copy of an action that names its rule is the test's own.
+            let n_own = u64::from(matches!(action, Action::Recovering { rule: Some(_) }));
+            assert!(tick < 80 || n == n_own, "{state:?} tick {tick} {action:?}: {n}");
+            kinds.insert(kind);
+        }
+    }
+    for kind in ["Recovering", "LeastHarm", "Unfreezing", "Braking"] {
+        assert!(kinds.contains(kind), "{kinds:?}");
     }
 }

@@ -7,7 +7,7 @@
 //! there are. Done when maps change, not at every tick.
 
 use super::isa::{Isa, Work};
-use super::packed::{AXIS_MAX, BASE_MAX, DIAGONAL_MAX, packed, unpacked};
+use super::packed::{AXIS_MAX, BASE_MAX, DIAGONAL_MAX, RIDGE, packed};
 
 /// One layer of a merge: values at the lattice's points, row-major, and what is subtracted from them.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +26,7 @@ const SLACK_M: f32 = 2e-6;
 const GAP_M: f32 = 0.0005;
 /// Points of a layer that are merged together.
 const N_POINTS_TOGETHER: usize = 4096;
-/// In `owners`, marks the number of a ridge.
+/// In `owners`, marks where the layers of a ridge begin.
 const RIDGE_OWNER: u32 = 1 << 31;
 
 /// The layers of a lattice, merged.
@@ -40,12 +40,10 @@ pub(crate) struct Merged {
     pub quantum_m: f32,
     /// The most that the margin changes over the length of a cell side, metres: its true Lipschitz constant.
     pub slope_m: f32,
-    /// For each cell the layer that is smallest in it, or which ridge it is.
+    /// For each cell the layer that is smallest in it, or where its layers begin in `ridge_layers`.
     owners: Vec<u32>,
-    /// Where each ridge's layers begin in `ridge_layers`; one more than there are ridges.
-    ridge_starts: Vec<u32>,
     ridge_layers: Vec<u16>,
-    /// The words of those layers in the ridge's cell.
+    /// The words of those layers in the ridge's cell; bit 31 marks the last of each ridge.
     ridge_words: Vec<u32>,
 }
 
@@ -70,7 +68,7 @@ impl Merged {
             owners: &mut owners,
             row_least_m: &mut row_least_m,
         });
-        let mut merged = Merged { n_cols, n_rows, owners, ridge_starts: vec![0], ..Merged::default() };
+        let mut merged = Merged { n_cols, n_rows, owners, ..Merged::default() };
         let mut steepest = isa.run(Steepest { n_cols, least_m: &least_m });
         let (mut marked, mut ridge_cells) = (Vec::new(), Vec::new());
         if layers.len() > 1 {
@@ -100,12 +98,13 @@ impl Merged {
             write(cell_idx, packed([a, b, c, d], true));
         }
         let mut ridge_words = Vec::with_capacity(merged.ridge_layers.len());
-        for (ridge, cell_idx) in ridge_cells.into_iter().enumerate() {
-            let (from, to) = (merged.ridge_starts[ridge] as usize, merged.ridge_starts[ridge + 1] as usize);
-            ridge_words.extend(merged.ridge_layers[from..to].iter().map(|layer| {
-                let corners_m = first_corners_of(layers[usize::from(*layer)], n_cols, cell_idx);
-                packed(corners_m.map(|margin_m| quanta_of(margin_m, quantum_m)), false)
-            }));
+        for (cell_idx, to) in ridge_cells {
+            while ridge_words.len() < to {
+                let layer = layers[usize::from(merged.ridge_layers[ridge_words.len()])];
+                let corners_m = first_corners_of(layer, n_cols, cell_idx);
+                let is_last = ridge_words.len() + 1 == to;
+                ridge_words.push(packed(corners_m.map(|margin_m| quanta_of(margin_m, quantum_m)), is_last));
+            }
         }
         Merged { ridge_words, ..merged }
     }
@@ -149,6 +148,7 @@ impl Merged {
             let first = first_corners_of(layers[owner], n_cols, cell_idx);
             let least = corners(least_m, n_cols, cell_idx);
             let mut gap_m = widest(&first, &least);
+            self.owners[cell_idx] = RIDGE_OWNER | self.ridge_layers.len() as u32;
             self.ridge_layers.push(owner as u16);
             note_slope(&first, found.steepest);
             for idx in &matter {
@@ -161,9 +161,7 @@ impl Merged {
                 note_slope(&here, found.steepest);
                 self.ridge_layers.push(*idx as u16);
             }
-            self.owners[cell_idx] = RIDGE_OWNER | (self.ridge_starts.len() - 1) as u32;
-            self.ridge_starts.push(self.ridge_layers.len() as u32);
-            found.cells.push(cell_idx);
+            found.cells.push((cell_idx, self.ridge_layers.len()));
             if gap_m > GAP_M {
                 found.marked.push(cell_idx);
             }
@@ -176,28 +174,26 @@ impl Merged {
         self.quantum_m + GAP_M + 2.0 * SLACK_M
     }
 
-    /// The margin in a cell of a ridge, metres, to a quantum below the true one.
-    pub(crate) fn ridge_m(&self, cell_idx: usize, (x, y): (f32, f32)) -> f32 {
-        let Some(ridge) = self.owners.get(cell_idx).map(|owner| (owner & !RIDGE_OWNER) as usize) else {
-            return f32::NEG_INFINITY;
-        };
-        let (from, to) = (self.ridge_starts[ridge] as usize, self.ridge_starts[ridge + 1] as usize);
-        let quanta = self.ridge_words[from..to].iter().map(|word| unpacked::<false>(*word, x, y));
-        self.quantum_m * quanta.fold(f32::INFINITY, f32::min)
+    /// The words of the layers that can be smallest in a cell of a ridge, the margin there to a quantum below the true
+    /// one: two or more of them.
+    #[inline(always)]
+    pub(crate) fn ridge_words_of(&self, cell_idx: usize) -> &[u32] {
+        let owner = self.owners.get(cell_idx).copied().unwrap_or(0);
+        &self.ridge_words[self.ridge_of(owner)]
     }
 
-    /// The layers that can be smallest in a cell.
-    #[inline]
-    pub(crate) fn layers_of(&self, cell_idx: usize) -> impl Iterator<Item = usize> + '_ {
-        let owner = self.owners[cell_idx];
-        let (single, several) = if owner & RIDGE_OWNER == 0 {
-            (Some(owner as usize), &[][..])
-        } else {
-            let ridge = (owner ^ RIDGE_OWNER) as usize;
-            let (from, to) = (self.ridge_starts[ridge] as usize, self.ridge_starts[ridge + 1] as usize);
-            (None, &self.ridge_layers[from..to])
-        };
-        single.into_iter().chain(several.iter().map(|idx| usize::from(*idx)))
+    /// Where the layers of a ridge are, by its owner; of none where there is no ridge.
+    #[inline(always)]
+    fn ridge_of(&self, owner: u32) -> std::ops::Range<usize> {
+        if owner & RIDGE_OWNER == 0 {
+            return 0..0;
+        }
+        let from = (owner ^ RIDGE_OWNER) as usize;
+        let mut to = from;
+        while self.ridge_words[to] & RIDGE == 0 {
+            to += 1;
+        }
+        from..to + 1
     }
 
     /// The exact margin in a cell, metres, and the layer that it is to.
@@ -208,25 +204,31 @@ impl Merged {
         cell_idx: usize,
         (x, y): (f64, f64),
     ) -> (f64, usize) {
-        let mut least = (f64::INFINITY, 0);
-        for idx in self.layers_of(cell_idx) {
+        let margin_m = |idx: usize| {
             let layer = layers[idx];
             let [a, b, c, d] = corners(layer.values_m, self.n_cols, cell_idx).map(f64::from);
-            let value =
-                (1.0 - y) * ((1.0 - x) * a + x * b) + y * ((1.0 - x) * c + x * d) - f64::from(layer.keep_m);
-            if value < least.0 {
-                least = (value, idx);
+            (1.0 - y) * ((1.0 - x) * a + x * b) + y * ((1.0 - x) * c + x * d) - f64::from(layer.keep_m)
+        };
+        let owner = self.owners[cell_idx];
+        if owner & RIDGE_OWNER == 0 {
+            return (margin_m(owner as usize), owner as usize);
+        }
+        let mut least = (f64::INFINITY, 0);
+        for idx in self.ridge_layers[self.ridge_of(owner)].iter().map(|idx| usize::from(*idx)) {
+            let margin_m = margin_m(idx);
+            if margin_m < least.0 {
+                least = (margin_m, idx);
             }
         }
         least
     }
 }
 
-/// What is found along with the ridges: slopes, the cells to mark, the cells of all.
+/// What is found along with the ridges: slopes, the cells to mark, the cells of all and where their layers end.
 struct Ridges<'a> {
     steepest: &'a mut [f32; 4],
     marked: &'a mut Vec<usize>,
-    cells: &'a mut Vec<usize>,
+    cells: &'a mut Vec<(usize, usize)>,
 }
 
 #[inline(always)]

@@ -14,6 +14,11 @@ pub(crate) fn key(seed: u64, tick: u64) -> u64 {
     z ^ (z >> 31)
 }
 
+/// The two draws of one place, as `fill` draws them.
+pub(crate) fn at(key: u64, place: u32) -> (f32, f32) {
+    drawn(key, place)
+}
+
 /// Fills `first` and `second` with independent standard normal draws, those of the places from `from` on.
 pub(crate) fn fill(isa: Isa, key: u64, from: u32, first: &mut [f32], second: &mut [f32]) {
     isa.run(Fill { key, from, first, second });
@@ -30,23 +35,26 @@ impl Work for Fill<'_> {
     type Output = ();
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let (low, high) = (self.key as u32, (self.key >> 32) as u32);
         let n = self.first.len().min(self.second.len());
         let (first, second) = (&mut self.first[..n], &mut self.second[..n]);
         for place in 0..n {
-            let counter = self.from.wrapping_add(place as u32);
-            let a = mixed(mixed(counter ^ low).wrapping_add(high));
-            let b = mixed(mixed(counter ^ high).wrapping_add(low ^ 0x9E37_79B9));
-            // In (0, 1]: 24 bits and a half step.
-            let share = ((a >> 8) as i32 as f32 + 0.5) * (1.0 / 16_777_216.0);
-            let radius = (-2.0 * ln(share)).sqrt();
-            // In [-½, ½): a signed fraction of a turn.
-            let turn = (b as i32 >> 8) as f32 * (1.0 / 16_777_216.0);
-            let (sin, cos) = sin_cos_of_turn(turn);
-            first[place] = radius * cos;
-            second[place] = radius * sin;
+            (first[place], second[place]) = drawn(self.key, self.from.wrapping_add(place as u32));
         }
     }
+}
+
+#[inline(always)]
+fn drawn(key: u64, place: u32) -> (f32, f32) {
+    let (low, high) = (key as u32, (key >> 32) as u32);
+    let a = mixed(mixed(place ^ low).wrapping_add(high));
+    let b = mixed(mixed(place ^ high).wrapping_add(low ^ 0x9E37_79B9));
+    // In (0, 1]: 24 bits and a half step.
+    let share = ((a >> 8) as i32 as f32 + 0.5) * (1.0 / 16_777_216.0);
+    let radius = (-2.0 * ln(share)).sqrt();
+    // In [-½, ½): a signed fraction of a turn.
+    let turn = (b as i32 >> 8) as f32 * (1.0 / 16_777_216.0);
+    let (sin, cos) = sin_cos_of_turn(turn);
+    (radius * cos, radius * sin)
 }
 
 /// A bijection of 32 bits without visible structure ("lowbias32", Wellons 2018).
@@ -95,7 +103,7 @@ fn series(x: f32, [a, b, c, d, e]: [f32; 5]) -> f32 {
 mod tests {
     use super::*;
 
-    fn drawn(isa: Isa, key: u64, n: usize) -> (Vec<f32>, Vec<f32>) {
+    fn many(isa: Isa, key: u64, n: usize) -> (Vec<f32>, Vec<f32>) {
         let (mut a, mut b) = (vec![0.0; n], vec![0.0; n]);
         fill(isa, key, 0, &mut a, &mut b);
         (a, b)
@@ -103,7 +111,7 @@ mod tests {
 
     #[test]
     fn draws_are_standard_normal_and_independent() {
-        let (a, b) = drawn(Isa::detect(), key(3, 9), 200_000);
+        let (a, b) = many(Isa::detect(), key(3, 9), 200_000);
         let n = a.len() as f64;
         let moment = |of: &dyn Fn(f64, f64) -> f64| {
             a.iter().zip(&b).map(|(a, b)| of(f64::from(*a), f64::from(*b))).sum::<f64>() / n
@@ -126,11 +134,13 @@ mod tests {
 
     #[test]
     fn every_instruction_set_draws_the_same_bits_and_other_keys_other_ones() {
-        let wanted = drawn(Isa::detect(), key(3, 9), 1000);
+        let wanted = many(Isa::detect(), key(3, 9), 1000);
         for isa in Isa::available() {
-            assert_eq!(drawn(isa, key(3, 9), 1000), wanted, "{isa:?}");
+            assert_eq!(many(isa, key(3, 9), 1000), wanted, "{isa:?}");
         }
-        assert_ne!(drawn(Isa::detect(), key(3, 10), 1000), wanted);
-        assert_ne!(drawn(Isa::detect(), key(4, 9), 1000), wanted);
+        let one_by_one: (Vec<f32>, Vec<f32>) = (0..1000).map(|place| at(key(3, 9), place)).unzip();
+        assert_eq!(one_by_one, wanted);
+        assert_ne!(many(Isa::detect(), key(3, 10), 1000), wanted);
+        assert_ne!(many(Isa::detect(), key(4, 9), 1000), wanted);
     }
 }

@@ -14,8 +14,9 @@ use lanes::{judge_lanes, lower_lanes, place_lanes, step_lanes};
 
 /// Lanes of one pass.
 const N: usize = 64;
-/// So few motions left are followed exactly in less time than it takes to bound them further.
-const N_FEW: u32 = 4;
+/// So few motions left are followed exactly in less time than it takes to bound them further. Those that keep as
+/// much as the floor to within the rounding do not count: bounds seldom tell them from it, the first exact steps do.
+const N_FEW: u32 = 2;
 /// Most steps that are bounded: f32 is exact enough for so many.
 pub(crate) const N_STEPS_MAX: usize = 40;
 /// What f32 may take from a bound, metres: measured below 1e-5, taken tenfold.
@@ -96,48 +97,51 @@ pub(crate) struct Hits<'a> {
     pub n_far: usize,
 }
 
+/// Draws that are made when they are needed: most motions are ruled out by their first steps.
+pub(crate) trait Draws {
+    /// Draws of turns and of gains for a step, lane by lane, in whole vectors.
+    fn of_step(&mut self, step: usize) -> [&[f32]; 2];
+}
+
 /// The sequences: clamp(incumbent + scale · draw), a step each.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Drawn<'a> {
+pub(crate) struct Drawn<'a, D> {
     /// Turn (radians) and gain (m/s) of each step.
     pub held: &'a [[f32; 2]],
-    /// Draws of turns and of gains; `n_lanes` for each step, lane by lane.
-    pub draws: [&'a [f32]; 2],
-    pub n_lanes: usize,
+    pub draws: D,
     pub scale: [f32; 2],
 }
 
 /// Bounds what each of `n` motions keeps, into `kept_m`, to [`ROUNDING_M`]; those that cannot keep more than
 /// `floor_m` are bounded no further.
-pub(crate) struct Rollouts<'a> {
+pub(crate) struct Rollouts<'a, D> {
     pub motion: Motion,
     pub from: From,
     pub grounds: &'a [Ground<'a>],
     pub hits: Hits<'a>,
-    pub drawn: Drawn<'a>,
+    pub drawn: Drawn<'a, D>,
     pub n: usize,
     pub floor_m: f32,
     pub kept_m: &'a mut [f32],
 }
 
-impl Work for Rollouts<'_> {
+impl<D: Draws> Work for Rollouts<'_, D> {
     type Output = ();
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Rollouts { motion, from, grounds, hits, drawn, n: n_all, floor_m, kept_m } = self;
-        let Drawn { held, draws: [turn_draws, gain_draws], n_lanes, scale } = drawn;
+        let Drawn { held, mut draws, scale } = drawn;
         for first in (0..n_all).step_by(N) {
-            let n = (n_all - first).min(N);
+            let n_real = (n_all - first).min(N);
+            let n = padded(n_real).min(N);
             let mut pass = Pass::at(from);
             // Lanes beyond the samples matter to nobody.
-            pass.kept_m[n..].fill(f32::NEG_INFINITY);
+            pass.kept_m[n_real..].fill(f32::NEG_INFINITY);
             for (step, held) in held.iter().take(N_STEPS_MAX).enumerate() {
-                let at = step * n_lanes + first;
-                let n = padded(n).min(N);
-                let draws = [&turn_draws[at..at + n], &gain_draws[at..at + n]];
+                let draws = draws.of_step(step).map(|draws| &draws[first..first + n]);
                 pass.advance::<FUSED>(n, &motion, draws, *held, scale);
                 for ground in grounds.iter().filter(|ground| ground.n_far <= step) {
-                    pass.look::<FUSED>(n, ground);
+                    pass.look::<FUSED>(n, n_real, ground);
                 }
                 if hits.n_far <= step {
                     pass.look_at_points::<FUSED>(n, hits.points, hits.keep_m);
@@ -148,13 +152,13 @@ impl Work for Rollouts<'_> {
                     &mut pass.before_m,
                     &mut pass.here_m,
                     &pass.lost_m,
-                    floor_m,
+                    floor_m + 2.0 * ROUNDING_M as f32,
                 ) <= N_FEW
                 {
                     break;
                 }
             }
-            kept_m[first..first + n].copy_from_slice(&pass.kept_m[..n]);
+            kept_m[first..first + n_real].copy_from_slice(&pass.kept_m[..n_real]);
         }
     }
 }
@@ -225,14 +229,14 @@ impl Pass {
         );
     }
 
-    /// Lowers the margins of all lanes to those of a field.
+    /// Lowers the margins of all lanes to those of a field; those beyond `n_real` belong to no motion.
     #[inline(always)]
-    fn look<const FUSED: bool>(&mut self, n: usize, ground: &Ground<'_>) {
+    fn look<const FUSED: bool>(&mut self, n: usize, n_real: usize, ground: &Ground<'_>) {
         let Pass { x_m, y_m, share_x, share_y, cell_idx, corners_m, here_m, .. } = self;
         place_lanes::<FUSED>(n, ground, share_x, share_y, cell_idx, x_m, y_m);
         let [a, b, c, d] = corners_m;
         let n_cols = ground.n_cols as usize;
-        for lane in 0..n.min(N) {
+        for lane in 0..n_real.min(N) {
             let at = cell_idx[lane] as usize;
             // Beyond the field nothing is known, and nothing is lowered.
             let pair = |at: usize| ground.values_m.get(at..at + 2).unwrap_or(&[f32::INFINITY; 2]);

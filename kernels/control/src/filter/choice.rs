@@ -4,11 +4,9 @@
 //! of least harm. Where something is broken at the start already, the way back. Not here: what is made of the
 //! choice on the way out (`filter`).
 
-use std::sync::Arc;
-
 use geometry::Twist;
 
-use super::{Exits, Filter};
+use super::Filter;
 use crate::certificate::{Breach, certify};
 use crate::config::Method;
 use crate::decision::{Action, Certified};
@@ -16,7 +14,7 @@ use crate::dynamics::{Control, Limits};
 use crate::exit::ExitMap;
 use crate::plan::Plan;
 use crate::primitives::primitives;
-use crate::recovery::{least_harm, remaining_controls};
+use crate::recovery::{Ranked, least_harm, remaining_controls};
 use crate::scene::{Assumptions, Scene, Source};
 use crate::score::{Runner, Search, Wanted, search};
 
@@ -41,7 +39,7 @@ impl Filter {
         if is_broken {
             return self.recover(scene);
         }
-        self.exits = None;
+        self.exits.age_s = None;
         self.noise_for_this_tick();
         let (sequences, n_warm) = self.warm_starts();
         let warm = sequences.each_ref().map(Vec::as_slice);
@@ -56,19 +54,23 @@ impl Filter {
                 let safest = self.roll(scene, &best.controls);
                 let choice = self.choose_certified(scene, nominal, wanted, (v_safe_m, &safest));
                 let last = self.safest.replace(safest);
-                self.room.keep(last);
+                self.room.plans.keep(last);
                 choice
             }
             None => None,
         };
         self.best = best;
-        let choice = choice.or_else(|| self.rest_of_plan(scene)).unwrap_or_else(|| self.broken(scene));
+        let mut choice = choice.or_else(|| self.rest_of_plan(scene)).unwrap_or_else(|| self.broken(scene));
         let frozen = choice.plan.command().speed_m_s <= 1e-3;
         let wants = nominal.speed_m_s > 0.02;
-        match self.unfreeze.step(scene, frozen && wants, self.plan.as_ref()) {
-            Some((plan, v_sent_m)) => Choice { plan, action: Action::Unfreezing, v_sent_m, ..choice },
-            None => choice,
+        let stored = self.plan.as_ref();
+        if let Some((plan, v_sent_m)) =
+            self.unfreeze.step(scene, frozen && wants, stored, &mut self.room.plans)
+        {
+            self.room.plans.keep(Some(std::mem::replace(&mut choice.plan, plan)));
+            (choice.action, choice.v_sent_m) = (Action::Unfreezing, v_sent_m);
         }
+        choice
     }
 
     /// Chooses among certified plans by the configured method; `None` when the full check disagrees.
@@ -113,7 +115,10 @@ impl Filter {
             None => (self.copied(safest), Action::Backup, v_safe_m),
         };
         // The rollouts skip what cannot matter; the stored plan is checked once more, in full.
-        certify(scene, &plan).ok()?;
+        if certify(scene, &plan).is_err() {
+            self.room.plans.keep(Some(plan));
+            return None;
+        }
         let too_fast = scene.limits.iter().find(|layer| layer.braking_from_m_s.is_some());
         if let Some(layer) = too_fast {
             let over_m_s = scene.start.speed_m_s - layer.speed_m_s;
@@ -153,7 +158,7 @@ impl Filter {
     fn held_by(&mut self, scene: &Scene<'_>, wanted: Control) -> Option<(Source, Option<Breach>)> {
         let plan = self.roll(scene, &[wanted]);
         let certified = certify(scene, &plan);
-        self.room.keep(Some(plan));
+        self.room.plans.keep(Some(plan));
         match certified {
             Ok((_, source)) => source.map(|source| (source, None)),
             Err(breach) => breach.source().map(|source| (source, Some(breach))),
@@ -163,10 +168,9 @@ impl Filter {
     /// The rest of the stored plan, when it still passes in this world.
     fn rest_of_plan(&mut self, scene: &Scene<'_>) -> Option<Choice> {
         let plan = self.plan.take()?;
-        let certified = certify(scene, &plan);
-        let copy = self.copied(&plan);
+        let certified = certify(scene, &plan).ok().map(|kept| (self.copied(&plan), kept));
         self.plan = Some(plan);
-        let (plan, (v_sent_m, source)) = (copy, certified.ok()?);
+        let (plan, (v_sent_m, source)) = certified?;
         let held_by = source.map(|source| (source, None));
         let certified = Certified::Yes;
         Some(Choice { plan, action: Action::Resting, v_safe_m: v_sent_m, v_sent_m, certified, held_by })
@@ -178,7 +182,7 @@ impl Filter {
             Some(Err(breach)) => breach.source().map(|source| (source, Some(breach))),
             _ => None,
         };
-        let ranked = least_harm(scene, None, self.plan.as_ref());
+        let ranked = self.least_harm(scene, None);
         let plan = ranked.map_or_else(|| self.roll(scene, &[]), |ranked| ranked.plan);
         let v_sent_m = certify(scene, &plan).map_or(0.0, |(value_m, _)| value_m);
         Choice {
@@ -191,6 +195,11 @@ impl Filter {
         }
     }
 
+    fn least_harm(&mut self, scene: &Scene<'_>, exits: Option<&ExitMap>) -> Option<Ranked> {
+        let samples = self.room.plans.take();
+        least_harm(scene, exits, self.plan.as_ref(), &mut self.room.ranking, samples)
+    }
+
     /// A margin is broken at the start: the way back.
     fn recover(&mut self, scene: &mut Scene<'_>) -> Choice {
         let nearest = scene.spatial.iter().find(|layer| layer.soft);
@@ -198,11 +207,17 @@ impl Filter {
         let source = rule.or(scene.spatial.first().map(|layer| layer.source));
         let in_zone = rule.is_some();
         // Too near by the error of a measurement, and the plan under way passes: it goes on to its rest.
-        if !in_zone && let Some(choice) = self.rest_of_plan(scene).filter(|choice| !choice.plan.is_over()) {
+        let is_under_way = self.plan.as_ref().is_some_and(|plan| !plan.is_over());
+        if !in_zone
+            && is_under_way
+            && let Some(choice) = self.rest_of_plan(scene)
+        {
             return choice;
         }
-        let exits = if in_zone { self.exits_around(scene) } else { None };
-        let ranked = least_harm(scene, exits.as_deref(), self.plan.as_ref());
+        let is_way_out = in_zone && self.look_for_exits(scene);
+        let exits = std::mem::take(&mut self.exits);
+        let ranked = self.least_harm(scene, is_way_out.then_some(&exits.map));
+        self.exits = exits;
         let (plan, spares) = match ranked {
             Some(ranked) => {
                 let spares = ranked.spares_obstacles();
@@ -213,12 +228,18 @@ impl Filter {
         // An obstacle that only looks too near must not undo a plan that was certified against it.
         let stored = self.plan.take();
         let kept = stored.as_ref().filter(|kept| !spares && certify(scene, kept).is_ok());
-        let plan = kept.map_or(plan, |kept| self.copied(kept));
+        let plan = match kept {
+            Some(kept) => {
+                self.room.plans.keep(Some(plan));
+                self.copied(kept)
+            }
+            None => plan,
+        };
         self.plan = stored;
         let v_m = scene.spatial.first().map_or(0.0, |layer| layer.start_m);
-        let why = match (in_zone, &exits) {
-            (true, Some(_)) => "standing in a zone, leaving",
-            (true, None) => "standing in a zone that has no way out",
+        let why = match (in_zone, is_way_out) {
+            (true, true) => "standing in a zone, leaving",
+            (true, false) => "standing in a zone that has no way out",
             (false, _) => "too near, moving clear",
         };
         Choice {
@@ -231,22 +252,23 @@ impl Filter {
         }
     }
 
-    /// The map of the ways out; zones that the robot is not in are given up when there is no way around.
-    fn exits_around(&mut self, scene: &mut Scene<'_>) -> Option<Arc<ExitMap>> {
-        let fresh = self.exits.take().filter(|exits| exits.age_s < EXITS_AGE_S_MAX);
-        let exits = fresh.unwrap_or_else(|| {
-            if let Some(map) = ExitMap::around(scene) {
-                return Exits { age_s: 0.0, map: Some(Arc::new(map)), through_zones: false };
-            }
-            give_up_zones(scene);
-            Exits { age_s: 0.0, map: ExitMap::around(scene).map(Arc::new), through_zones: true }
-        });
+    /// Whether there is a way out, as the map of them says; zones that the robot is not in are given up when there is
+    /// none around them.
+    fn look_for_exits(&mut self, scene: &mut Scene<'_>) -> bool {
+        let exits = &mut self.exits;
+        let is_fresh = exits.age_s.is_some_and(|age_s| age_s < EXITS_AGE_S_MAX);
+        if !is_fresh {
+            exits.age_s = Some(0.0);
+            exits.is_way_out = exits.map.find(scene);
+            exits.through_zones = !exits.is_way_out;
+        }
         if exits.through_zones {
             give_up_zones(scene);
+            if !is_fresh {
+                exits.is_way_out = exits.map.find(scene);
+            }
         }
-        let map = exits.map.clone();
-        self.exits = Some(exits);
-        map
+        exits.is_way_out
     }
 
     /// Begins the noise that all scores of this tick share.
@@ -270,12 +292,12 @@ impl Filter {
 
     fn roll(&mut self, scene: &Scene<'_>, controls: &[Control]) -> Plan {
         let Assumptions { limits, step_s, braking_tail, .. } = scene.assumptions;
-        let room = self.room.plans.pop().unwrap_or_default();
+        let room = self.room.plans.take();
         Plan::roll_into(room, scene.start, controls, step_s, &limits, braking_tail)
     }
 
     fn copied(&mut self, plan: &Plan) -> Plan {
-        let room = self.room.plans.pop().unwrap_or_default();
+        let room = self.room.plans.take();
         plan.copied_into(room)
     }
 }

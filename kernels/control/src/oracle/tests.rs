@@ -198,7 +198,7 @@ fn no_sample_keeps_more_than_its_bound_on_any_instructions() {
             kept.sort_by(f64::total_cmp);
             let mut bounds = Bounds::default();
             for floor_m in [0.0, kept.get(kept.len() / 2).copied().unwrap_or(0.05)] {
-                bounds.find(&scene, &search, (&noise, 0), &runner, &incumbent, floor_m);
+                bounds.find(&scene, &search, (&mut noise.clone(), 0), &runner, &incumbent, floor_m);
                 for sample in 0..search.n_samples {
                     let (found, most_m) = (kept_m(sample, floor_m), bounds.most_m(sample));
                     assert!(found.is_none_or(|m| m <= most_m), "seed {seed}, {sample}: {found:?} {most_m}");

@@ -11,6 +11,32 @@ pub(super) const N_BLOCK: usize = 8;
 /// More than what rounding takes from the squares of distances within reach, m².
 const ROUNDING_M2: f64 = 1e-9;
 
+/// Both coordinates of points apart; whether all points are finite and no farther from a centre than a square, m².
+pub(super) struct Apart<'a> {
+    pub points: &'a [Point2],
+    pub x_m: &'a mut [f64],
+    pub y_m: &'a mut [f64],
+    pub centre: Point2,
+    pub square_m2: f64,
+}
+
+impl Work for Apart<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> bool {
+        let Apart { points, x_m, y_m, centre, square_m2 } = self;
+        let n = points.len().min(x_m.len()).min(y_m.len());
+        let (points, x_m, y_m) = (&points[..n], &mut x_m[..n], &mut y_m[..n]);
+        let mut n_near = 0_u64;
+        for k in 0..n {
+            (x_m[k], y_m[k]) = (points[k].x, points[k].y);
+            let (dx, dy) = (points[k].x - centre.x, points[k].y - centre.y);
+            n_near = n_near.wrapping_add(if dx * dx + dy * dy <= square_m2 { 1 } else { 0 });
+        }
+        n_near == n as u64
+    }
+}
+
 /// The squared distance to the nearest of some points, m².
 pub(super) struct Nearest<'a> {
     pub x_m: &'a [f64],
@@ -83,6 +109,6 @@ impl Work for Candidates<'_> {
 
 /// The smaller of two: one instruction where NaN is not asked about.
 #[inline(always)]
-fn least(a: f64, b: f64) -> f64 {
+pub(super) fn least(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }

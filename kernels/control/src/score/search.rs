@@ -98,7 +98,6 @@ pub(crate) fn search(
         }
     }
     for round in 0..search.n_rounds {
-        noise.draw(round + 1);
         sample(scene, search, (noise, round), runner, warm, best);
         if best.suffices(enough_m) {
             return;
@@ -110,7 +109,7 @@ pub(crate) fn search(
 fn sample(
     scene: &Scene<'_>,
     search: &Search,
-    (noise, round): (&Noise, usize),
+    (noise, round): (&mut Noise, usize),
     runner: Runner,
     warm: &[&[Control]],
     best: &mut Best,

@@ -49,19 +49,19 @@ pub(crate) fn kept(
         y += v * sin * STEP_S;
         let fallen = slope * v * STEP_S + 1e-9;
         (sin, cos) = turned((sin, cos), rate * STEP_S);
-        v = (v + accel * STEP_S).clamp(0.0, SPEED_M_S_MAX);
+        v = held_within(v + accel * STEP_S, 0.0, SPEED_M_S_MAX);
         (clear, slow) = (clear - fallen, slow - fallen);
-        kept = kept.min(SPEED_M_S_LIMIT - v).min(YAW_RATE_RAD_S_LIMIT - rate.abs());
+        kept = smaller(smaller(SPEED_M_S_LIMIT - v, YAW_RATE_RAD_S_LIMIT - rate.abs()), kept);
         let (needs_clear, needs_slow) = (clear < kept, SLOW_SPEED_M_S - v < kept && slow < kept);
         if needs_clear || needs_slow {
             let (cell_idx, place) = field.cell(x, y);
             if needs_clear {
                 clear = field.clear_m(cell_idx, place);
-                kept = kept.min(clear);
+                kept = smaller(clear, kept);
             }
             if needs_slow {
                 slow = field.slow_m(cell_idx, place);
-                kept = kept.min(slow.max(SLOW_SPEED_M_S - v));
+                kept = smaller(larger(slow, SLOW_SPEED_M_S - v), kept);
             }
         }
         if kept < floor {
@@ -75,9 +75,13 @@ pub(crate) fn kept(
 #[inline(always)]
 fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
     let square = turn * turn;
-    let by_cos = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)));
-    let by_sin =
-        turn * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))));
+    let by_cos =
+        1.0 + square * (-0.5 + square * (1.0 / 24.0 + square * (-1.0 / 720.0 + square * (1.0 / 40_320.0))));
+    let by_sin = turn
+        * (1.0
+            + square
+                * (-1.0 / 6.0
+                    + square * (1.0 / 120.0 + square * (-1.0 / 5040.0 + square * (1.0 / 362_880.0)))));
     (sin * by_cos + cos * by_sin, cos * by_cos - sin * by_sin)
 }
 
@@ -135,11 +139,11 @@ impl Together {
                 let (cell_idx, place) = field.cell(self.x[lane], self.y[lane]);
                 if needs_clear {
                     self.clear[lane] = field.clear_m(cell_idx, place);
-                    self.kept[lane] = self.kept[lane].min(self.clear[lane]);
+                    self.kept[lane] = smaller(self.clear[lane], self.kept[lane]);
                 }
                 if needs_slow {
                     self.slow[lane] = field.slow_m(cell_idx, place);
-                    self.kept[lane] = self.kept[lane].min(self.slow[lane].max(spare));
+                    self.kept[lane] = smaller(larger(self.slow[lane], spare), self.kept[lane]);
                 }
             }
         }
@@ -230,7 +234,11 @@ fn smaller(a: f64, b: f64) -> f64 {
 }
 
 #[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
 fn held_within(value: f64, low: f64, high: f64) -> f64 {
-    let value = if value > low { value } else { low };
-    smaller(value, high)
+    smaller(larger(value, low), high)
 }

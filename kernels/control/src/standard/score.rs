@@ -8,7 +8,7 @@ use super::model::{Euler, GAIN_MAX, ROUNDING_M, TURN_MAX};
 use super::oracle::Pose;
 use super::*;
 use crate::fast::Isa;
-use crate::fast::sweep::{From, Sampled, Sweep, padded};
+use crate::fast::sweep::{From, Sampled, Sweep, most, padded};
 use crate::noise::Noise;
 
 mod settle;
@@ -74,22 +74,43 @@ impl Open {
 
     /// The largest of what samples were found to keep, as far as they were followed.
     fn most_m(&self, n_samples: usize) -> f32 {
-        let from = usize::from(self.exact > NONE);
-        self.kept_m[from..n_samples].iter().copied().fold(f32::NEG_INFINITY, crate::fast::sweep::most)
+        let (blocks, rest) = self.open_m(n_samples).as_chunks::<N_BLOCK>();
+        let mut most_m = [f32::NEG_INFINITY; N_BLOCK];
+        for block in blocks {
+            for (most_m, kept_m) in most_m.iter_mut().zip(block) {
+                *most_m = most(*kept_m, *most_m);
+            }
+        }
+        most_m.iter().chain(rest).copied().fold(f32::NEG_INFINITY, most)
     }
 
     /// Picks the samples that may keep at least `floor`; not the incumbent when it is known already.
     fn pick(&mut self, n_samples: usize, floor: f64, error_m: f32) {
         let floor = (floor as f32 - error_m).next_down();
-        self.lanes.clear();
-        let from = usize::from(self.exact > NONE);
-        for (lane, kept_m) in self.kept_m[..n_samples].iter().enumerate().skip(from) {
-            if *kept_m > floor {
-                self.lanes.push(lane as u32);
-            }
+        let mut lanes = std::mem::take(&mut self.lanes);
+        lanes.resize(n_samples, 0);
+        // Written whether picked or not, without a branch; who is not picked is written over.
+        let mut n = 0;
+        for (lane, kept_m) in (self.first_open() as u32..).zip(self.open_m(n_samples)) {
+            lanes[n] = lane;
+            n += usize::from(*kept_m > floor);
         }
+        lanes.truncate(n);
+        self.lanes = lanes;
+    }
+
+    /// The first sample that is not known exactly.
+    fn first_open(&self) -> usize {
+        usize::from(self.exact > NONE)
+    }
+
+    fn open_m(&self, n_samples: usize) -> &[f32] {
+        &self.kept_m[self.first_open()..n_samples]
     }
 }
+
+/// Samples looked at side by side.
+const N_BLOCK: usize = 8;
 
 /// What scores are computed with.
 #[derive(Debug)]
@@ -193,12 +214,12 @@ impl<'s> Scorer<'s> {
         let is_complete = self.sweep::<FULL>(open, round, floor, hint);
 
         let n_samples = self.sampling.n_samples;
-        let most = f64::from(open.most_m(n_samples));
-        let reach = if is_complete { most - f64::from(ROUNDING_M) } else { NONE };
+        let most_m = f64::from(open.most_m(n_samples));
+        let reach = if is_complete { most_m - f64::from(ROUNDING_M) } else { NONE };
         open.pick(n_samples, floor.max(reach), self.error_m);
         let cap = open.cap;
         let low = if open.lanes.is_empty() { best } else { reach.min(cap).max(best) };
-        let high = (most + f64::from(self.error_m)).min(cap).max(best).max(rival.next_down());
+        let high = (most_m + f64::from(self.error_m)).min(cap).max(best).max(rival.next_down());
         if low >= cap && !open.lanes.is_empty() {
             // Some sample keeps the most that any can: no later round can better it, whatever its incumbent is.
             open.know(cap);

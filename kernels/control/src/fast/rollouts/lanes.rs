@@ -118,7 +118,7 @@ pub(super) fn lower_lanes<const FUSED: bool>(
     }
 }
 
-/// Lowers what lanes keep by what the segment leaves, and begins the next; how many keep more than the floor.
+/// Lowers what lanes keep by what the segment leaves, and begins the next; how many keep more than `open_m`.
 #[inline(always)]
 pub(super) fn judge_lanes(
     n: usize,
@@ -126,16 +126,16 @@ pub(super) fn judge_lanes(
     before_m: &mut [f32; N],
     here_m: &mut [f32; N],
     lost_m: &[f32; N],
-    floor_m: f32,
+    open_m: f32,
 ) -> u32 {
-    let mut n_alive = 0_u32;
+    let mut n_open = 0_u32;
     for lane in 0..n.min(N) {
         let here = here_m[lane];
         let kept = least(least(before_m[lane], here) - lost_m[lane], kept_m[lane]);
         kept_m[lane] = kept;
         before_m[lane] = here;
         here_m[lane] = f32::INFINITY;
-        n_alive = n_alive.wrapping_add(if kept > floor_m { 1 } else { 0 });
+        n_open = n_open.wrapping_add(if kept > open_m { 1 } else { 0 });
     }
-    n_alive
+    n_open
 }
