@@ -43,8 +43,8 @@ impl FreeGrid {
         let way = to - from;
         let length_m = way.norm();
         let free_m = (length_m - SHORT_OF_END_M).min(LENGTH_MAX_M);
-        // NaN is no length.
-        if !(free_m > 0.0) {
+        // What is not finite lies nowhere in the grid.
+        if free_m <= 0.0 {
             return;
         }
         let corner = nalgebra::Vector2::from(self.origin).cast::<f64>();

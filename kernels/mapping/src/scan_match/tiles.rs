@@ -28,7 +28,8 @@ type Stamp = [[u8; N_STAMP]; N_STAMP];
 static STAMPS: LazyLock<Vec<Stamp>> = LazyLock::new(|| {
     let middle = |part: usize| REACH as f32 + (part as f32 + 0.5) / N_PARTS as f32;
     let heat = |dx: f32, dy: f32| {
-        let squared = dx * dx + dy * dy;
+        // In quarters: of pieces of surface that are about as near, the one that was there first stays.
+        let squared = (4.0 * (dx * dx + dy * dy)).floor() / 4.0;
         (255.0 * (-squared / (2.0 * SIGMA_CELLS * SIGMA_CELLS)).exp()).round() as u8
     };
     let stamp = |part: usize| -> Stamp {
