@@ -174,23 +174,25 @@ impl<'a> Search<'a> {
         let Some(bounds) = self.map.bounds(self.top) else { return BinaryHeap::new() };
         let mut dense = Dense::new(((2 * self.reach) >> self.top) as usize + 1);
         let mut nodes: Vec<Node> = Vec::new();
-        let (mut highest, mut least) = (0.0_f32, 0_u16);
+        let mut highest = 0.0_f32;
         let shift = |n: usize| ((n as i32) << self.top) - self.reach;
-        for (heading, cells) in self.cells.iter().enumerate() {
+        // From the expected heading to either side: what is good is found early, and all else falls short of it.
+        let mut headings: Vec<(usize, &Vec<[i32; 2]>)> = self.cells.iter().enumerate().collect();
+        headings.sort_by_key(|(heading, _)| (*heading as i32 - self.n_turns).abs());
+        for (heading, cells) in headings {
+            let turn_loss = self.loss(self.top, heading as u16, [0; 2]);
+            let least = ((PROMISE_SHARE_MIN * highest + turn_loss) / self.scale) as u16;
             // Most are nowhere near: no loss needs to be known for that.
             for (row, sums) in dense.sums(&bounds, cells, [-self.reach; 2], least) {
                 for (col, &sum) in sums.iter().enumerate().filter(|(_, sum)| **sum >= least) {
                     let off = [shift(col), shift(row)];
                     let node = self.node_of(self.top, heading as u16, off, u32::from(sum));
-                    if node.bound > highest {
-                        highest = node.bound;
-                    }
+                    highest = highest.max(node.bound);
                     if node.bound >= PROMISE_SHARE_MIN * highest {
                         nodes.push(node);
                     }
                 }
             }
-            least = (PROMISE_SHARE_MIN * highest / self.scale) as u16;
         }
         nodes.retain(|node| node.bound >= PROMISE_SHARE_MIN * highest);
         BinaryHeap::from(nodes)

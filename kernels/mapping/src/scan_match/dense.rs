@@ -71,9 +71,23 @@ impl Work for Adding<'_> {
                     }
                 }
             }
-            *row = Row { sums: so_far, most: so_far.into_iter().fold(0, u16::max) };
+            *row = Row { sums: so_far, most: highest(so_far) };
         }
     }
+}
+
+/// The highest of all, by halves: lanes beside each other are compared at once.
+#[inline(always)]
+fn highest(mut sums: [u16; N_SIDE_MAX]) -> u16 {
+    let mut n = N_SIDE_MAX;
+    while n > 1 {
+        n /= 2;
+        let (low, high) = sums.split_at_mut(n);
+        for (low, high) in low.iter_mut().zip(high) {
+            *low = (*low).max(*high);
+        }
+    }
+    sums[0]
 }
 
 #[cfg(test)]
