@@ -6,7 +6,6 @@
 //! Deliberately not here: where a grid lies, and what a bit means.
 
 use geometry::Point2;
-use nalgebra::Vector2;
 
 /// Cells of a word.
 pub(crate) const N_WORD: usize = u64::BITS as usize;
@@ -76,13 +75,8 @@ impl BitGrid {
     /// Sets every cell that the line between two points (in cells, from the low corner) passes by more than a
     /// millionth of a cell, without the one that `to` lies in. Lines that leave the grid set nothing.
     pub(crate) fn pass(&mut self, from: Point2, to: Point2) {
-        let size = Vector2::new((self.n_words * N_WORD) as f64, self.n_rows as f64);
-        let is_inside = |p: &Point2| p.x >= 0.0 && p.y >= 0.0 && p.x < size.x && p.y < size.y;
-        if !(is_inside(&from) && is_inside(&to)) {
-            return;
-        }
+        let Some([low, high]) = self.upwards(from, to) else { return };
         let is_upwards = from.y <= to.y;
-        let (low, high) = if is_upwards { (from, to) } else { (to, from) };
         let (first_row, last_row) = (low.y as usize, high.y as usize);
         // The last cell is at that end of its run that the line comes to.
         let but_last = if to.x > from.x { [0, 1] } else { [1, 0] };
@@ -107,6 +101,38 @@ impl BitGrid {
         }
         let at_high = if is_upwards { but_last } else { [0, 0] };
         self.set_run(last_row, whole(enters), high.x as usize, at_high);
+    }
+
+    /// Sets those cells that the line between two points passes through the middle of, not those that it cuts the
+    /// corners of: one in each row or in each column, whichever it crosses more of. Lines that leave the grid set
+    /// nothing.
+    pub(crate) fn pass_middles(&mut self, from: Point2, to: Point2) {
+        let Some([low, high]) = self.upwards(from, to) else { return };
+        let (along, rise) = (high.x - low.x, high.y - low.y);
+        let slope = if rise > 0.0 { along / rise } else { 0.0 };
+        let at = |y: f64| low.x + (y.clamp(low.y, high.y) - low.y) * slope;
+        let is_steep = along.abs() <= rise;
+        for row in low.y as usize..=high.y as usize {
+            if is_steep {
+                self.set(at(row as f64 + 0.5) as usize, row);
+                continue;
+            }
+            let enters = if row == low.y as usize { low.x } else { at(row as f64) };
+            let leaves = if row == high.y as usize { high.x } else { at((row + 1) as f64) };
+            // Columns whose middle lies between.
+            let [first, end] = [enters.min(leaves), enters.max(leaves)].map(|x| (x + 0.5) as usize);
+            if first < end {
+                self.set_run(row, first, end - 1, [0, 0]);
+            }
+        }
+    }
+
+    /// The ends of a line, the lower one first; `None` unless both lie in the grid.
+    fn upwards(&self, from: Point2, to: Point2) -> Option<[Point2; 2]> {
+        let (width, height) = ((self.n_words * N_WORD) as f64, self.n_rows as f64);
+        let is_inside = |p: &Point2| p.x >= 0.0 && p.y >= 0.0 && p.x < width && p.y < height;
+        let is_upwards = from.y <= to.y;
+        (is_inside(&from) && is_inside(&to)).then_some(if is_upwards { [from, to] } else { [to, from] })
     }
 
     /// Sets the cells of a row between two, in whichever order, both included, but for so many at the lower end and
@@ -197,6 +223,28 @@ mod tests {
         }
 
         #[test]
+        fn of_what_a_line_passes_one_cell_is_set_in_each_row_or_column((from, to) in points()) {
+            let mut bits = BitGrid::new(3, N_ROWS);
+            bits.pass_middles(from, to);
+            let (mut n_in_row, mut n_in_col) = ([0; N_ROWS], [0; 3 * N_WORD]);
+            for (row, n_in_row) in n_in_row.iter_mut().enumerate() {
+                for (col, n_in_col) in n_in_col.iter_mut().enumerate().filter(|(col, _)| bits.is_set(*col, row)) {
+                    *n_in_row += 1;
+                    *n_in_col += 1;
+                    prop_assert!(inside(from, to, col, row) > -1e-6, "{col} {row} is not passed");
+                }
+            }
+            if (to.x - from.x).abs() <= (to.y - from.y).abs() {
+                let rows = from.y.min(to.y) as usize..=from.y.max(to.y) as usize;
+                prop_assert!((0..N_ROWS).all(|row| n_in_row[row] == i32::from(rows.contains(&row))));
+            } else {
+                // Without the columns of the ends, whose middles the line may not reach.
+                let cols = from.x.min(to.x) as usize + 1..from.x.max(to.x) as usize;
+                prop_assert!(cols.into_iter().all(|col| n_in_col[col] == 1));
+            }
+        }
+
+        #[test]
         fn growing_moves_bits_with_their_grid((from, to) in points(), word in 0..3_usize, row in 0..9_usize) {
             let mut bits = BitGrid::new(3, N_ROWS);
             bits.pass(from, to);
@@ -217,6 +265,7 @@ mod tests {
         let mut bits = BitGrid::new(1, 10);
         for to in [Point2::new(64.0, 3.0), Point2::new(3.0, -0.1), Point2::new(f64::NAN, 3.0)] {
             bits.pass(Point2::new(1.0, 1.0), to);
+            bits.pass_middles(Point2::new(1.0, 1.0), to);
         }
         assert!(bits.rows().flatten().all(|word| *word == 0));
     }

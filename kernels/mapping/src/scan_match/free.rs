@@ -50,7 +50,7 @@ impl FreeGrid {
         let corner = nalgebra::Vector2::from(self.origin).cast::<f64>();
         let in_squares =
             |at: Point2<f32>| Point2D::from(at.coords.cast::<f64>() / f64::from(SIDE_M) - corner);
-        self.bits.pass(in_squares(from), in_squares(from + way * (free_m / length_m)));
+        self.bits.pass_middles(in_squares(from), in_squares(from + way * (free_m / length_m)));
     }
 
     /// Makes room for points between two corners, so that beams between them can be marked.
