@@ -1,14 +1,16 @@
 //! The base map: what a 2D LiDAR has seen free and what it has seen stand, as log-odds in a growing grid.
 //!
 //! Poses come from outside. Within one scan each cell is counted once, and a cell that any beam hits is not
-//! freed by another that grazes it, so that a wall seen along its length does not dissolve.
+//! freed by another that grazes it, so that a wall seen along its length does not dissolve. What beams pass is
+//! first gathered as bits and then counted, many cells at once.
 
-mod traversal;
+mod odds;
 
 use geometry::{Point2, Pose2};
-use traversal::Traversal;
+use odds::Odds;
 
-use crate::grid::{Grid, GridError, Layout, Occupancy, Shape};
+use crate::bits::{BitGrid, N_WORD};
+use crate::grid::{Cell, Grid, GridError, Layout, Occupancy, Shape};
 use crate::raster::mark_disc;
 
 /// One turn of a LiDAR, borrowed.
@@ -99,17 +101,16 @@ pub enum BaseMapError {
 /// Cells by which a map grows at least, and share of its side: growing copies it.
 const GROWTH_CELLS: f64 = 64.0;
 const GROWTH_SHARE: f64 = 0.2;
-/// Log-odds beyond which a cell is decided.
-const DECIDED: f32 = 0.1;
 
 /// Builds the base map in `map`.
 #[derive(Clone, Debug)]
 pub struct BaseMapper {
     config: BaseMapConfig,
-    log_odds: Grid<f32>,
-    /// Number of the last scan that counted each cell, and whether as a hit: twice the number, plus one.
-    counted: Grid<u32>,
-    n_scans: u32,
+    odds: Odds,
+    /// In units of `odds`.
+    log_odds: Grid<i16>,
+    /// Cells that the beams of a scan pass; of no meaning between scans.
+    passed: BitGrid,
 }
 
 impl BaseMapper {
@@ -120,23 +121,21 @@ impl BaseMapper {
     pub fn new(config: BaseMapConfig, around: Point2) -> Result<Self, GridError> {
         let half = nalgebra::Vector2::repeat(GROWTH_CELLS * config.resolution_m);
         let layout = Layout::covering(around - half, around + half, config.resolution_m)?;
-        Ok(BaseMapper {
-            config,
-            log_odds: Grid::filled(layout, 0.0),
-            counted: Grid::filled(layout, 0),
-            n_scans: 0,
-        })
+        Ok(BaseMapper::on(layout, config))
     }
 
     /// An unknown map with the configuration and the room of this one.
     #[must_use]
     pub fn blank(&self) -> Self {
-        let layout = *self.layout();
+        BaseMapper::on(*self.layout(), self.config)
+    }
+
+    fn on(layout: Layout, config: BaseMapConfig) -> Self {
         BaseMapper {
-            config: self.config,
-            log_odds: Grid::filled(layout, 0.0),
-            counted: Grid::filled(layout, 0),
-            n_scans: 0,
+            odds: Odds::new(&config),
+            config,
+            log_odds: Grid::filled(layout, 0),
+            passed: BitGrid::default(),
         }
     }
 
@@ -146,24 +145,10 @@ impl BaseMapper {
         self.log_odds.layout()
     }
 
-    /// The log-odds of occupancy, natural logarithm; 0 where nothing is known.
-    #[must_use]
-    pub fn log_odds(&self) -> &Grid<f32> {
-        &self.log_odds
-    }
-
     /// The map as it stands: one hit makes a cell occupied, one pass free.
     #[must_use]
     pub fn occupancy(&self) -> Grid<Occupancy> {
-        self.log_odds.map(|&value| {
-            if value > DECIDED {
-                Occupancy::Occupied
-            } else if value < -DECIDED {
-                Occupancy::Free
-            } else {
-                Occupancy::Unknown
-            }
-        })
+        self.log_odds.map(|value| self.odds.occupancy(*value))
     }
 
     /// Frees every cell that the disc touches, unless something was seen to stand there: where the robot's hull
@@ -180,8 +165,8 @@ impl BaseMapper {
         let mut disc = Grid::filled(*self.layout(), false);
         mark_disc(&mut disc, centre_map, radius_m);
         for (value, in_disc) in self.log_odds.values_mut().iter_mut().zip(disc.values()) {
-            if *in_disc && *value <= DECIDED {
-                *value = value.min(-self.config.free);
+            if *in_disc && self.odds.occupancy(*value) != Occupancy::Occupied {
+                *value = (*value).min(self.odds.passed(0));
             }
         }
         Ok(())
@@ -204,19 +189,7 @@ impl BaseMapper {
             high = high.sup(&beam.end);
         }
         self.grow(low, high)?;
-        self.n_scans += 1;
-        for beam in beams.iter().filter(|b| b.is_hit) {
-            self.count_hit(beam.end);
-        }
-        let mut last = None;
-        for beam in &beams {
-            // Neighbours that end in one cell pass the same ones, all but.
-            let cell = self.layout().cell_at(beam.end);
-            if cell != last {
-                self.count_free(eye, beam.end);
-                last = cell;
-            }
-        }
+        self.draw(eye, &beams);
         Ok(())
     }
 
@@ -240,31 +213,45 @@ impl BaseMapper {
         beams
     }
 
-    fn count_hit(&mut self, end: Point2) {
-        let Some(cell) = self.layout().cell_at(end) else { return };
-        let idx = self.layout().index(cell);
-        let mark = 2 * self.n_scans + 1;
-        if self.counted.values()[idx] != mark {
-            self.counted.values_mut()[idx] = mark;
-            let value = &mut self.log_odds.values_mut()[idx];
-            *value = (*value + self.config.hit).min(self.config.log_odds_max);
+    /// Counts each cell that a beam passes or hits once. The map holds the eye and all ends.
+    fn draw(&mut self, eye: Point2, beams: &[Beam]) {
+        let layout = *self.layout();
+        let in_cells = |p: Point2| Point2::from((p - layout.origin) / layout.resolution_m);
+        let eye = in_cells(eye);
+        let (mut low, mut high) = (eye, eye);
+        for beam in beams {
+            low = low.inf(&in_cells(beam.end));
+            high = high.sup(&in_cells(beam.end));
         }
-    }
-
-    /// Frees the cells that a beam passes, once a scan, but for cells hit in this scan.
-    fn count_free(&mut self, from: Point2, to: Point2) {
-        let mark = 2 * self.n_scans;
-        let line = Traversal::new(self.layout(), from, to);
-        let (free, floor) = (self.config.free, -self.config.log_odds_max);
-        let (counted, log_odds) = (self.counted.values_mut(), self.log_odds.values_mut());
-        for idx in line {
-            // Counted as free already, or (one more) hit.
-            if let (Some(counted), Some(value)) = (counted.get_mut(idx), log_odds.get_mut(idx))
-                && *counted < mark
-            {
-                *counted = mark;
-                *value = (*value - free).max(floor);
+        // Bits are gathered for the part of the map that the scan shows.
+        let (first_word, first_row) = (low.x as usize / N_WORD, low.y as usize);
+        let corner = nalgebra::Vector2::new((first_word * N_WORD) as f64, first_row as f64);
+        self.passed.reset(high.x as usize / N_WORD + 1 - first_word, high.y as usize + 1 - first_row);
+        let mut last = None;
+        let mut hits: Vec<Cell> = Vec::with_capacity(beams.len());
+        for beam in beams {
+            let Some(cell) = layout.cell_at(beam.end) else { continue };
+            // Neighbours that end in one cell pass the same ones, all but.
+            if last != Some(cell) {
+                self.passed.pass(eye - corner, in_cells(beam.end) - corner);
+                last = Some(cell);
             }
+            if beam.is_hit {
+                hits.push(cell);
+            }
+        }
+        hits.sort_unstable_by_key(|cell| layout.index(*cell));
+        hits.dedup();
+        for cell in hits {
+            self.passed.clear(cell.col - first_word * N_WORD, cell.row - first_row);
+            let value = self.odds.hit(*self.log_odds.get(cell));
+            self.log_odds.set(cell, value);
+        }
+        let n_cols = layout.shape.n_cols;
+        for (nth, words) in self.passed.rows().enumerate() {
+            let from = (first_row + nth) * n_cols + first_word * N_WORD;
+            let cells = self.log_odds.values_mut().get_mut(from..).unwrap_or_default();
+            self.odds.pass(cells, words);
         }
     }
 
@@ -290,7 +277,6 @@ impl BaseMapper {
         let off = nalgebra::Vector2::new(before[0] as f64, before[1] as f64) * old.resolution_m;
         let layout = Layout::new(old.origin - off, old.resolution_m, shape)?;
         self.log_odds = moved(&self.log_odds, layout, before);
-        self.counted = moved(&self.counted, layout, before);
         Ok(())
     }
 }

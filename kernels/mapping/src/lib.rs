@@ -12,6 +12,7 @@
 //! for motion.
 
 pub mod base_map;
+mod bits;
 pub mod distance;
 pub mod field;
 pub mod floor_area;

@@ -13,12 +13,9 @@ use crate::base_map::{BaseMapError, Scan};
 use crate::grid::{Cell, Grid, Occupancy};
 use crate::scan_match::{self, Candidate, Cloud, CloudPoint, Evidence, FreeGrid, MatchMap, Prior, Window};
 use crate::slam::{
-    Judge, MotionConfig, MotionModel, Place, Standing, Sweep, Verdict, agrees_surely, follow, is_motion,
+    Doubt, Judge, MotionConfig, MotionModel, Place, Standing, Sweep, Verdict, agrees_surely, follow,
+    is_motion,
 };
-
-mod doubt;
-
-use doubt::Doubt;
 
 /// So many places of each square are compared.
 const N_PLACES: usize = 12;
@@ -125,7 +122,8 @@ impl Localiser {
         self.map_from_base = followed.pose;
         self.is_first = false;
         let was_open = self.doubt.is_open();
-        self.doubt.hear(followed.share);
+        // A map that is given holds all there is.
+        self.doubt.hear(followed.share, 0.0);
         let has_jumped = match (was_open, self.doubt.is_open()) {
             (true, true) => self.look_for_better(&cloud, followed.share),
             (true, false) => {

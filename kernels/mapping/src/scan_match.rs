@@ -12,6 +12,7 @@ use geometry::Pose2;
 
 pub mod cloud;
 pub mod correlate;
+mod dense;
 pub mod evidence;
 pub mod free;
 pub mod map;

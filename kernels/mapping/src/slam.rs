@@ -7,7 +7,9 @@
 //! they belong to, and the base map is drawn anew from them, a few scans at a time.
 //!
 //! A scan that contradicts the map is not put into it. Several in a row, and the robot is *lost*: that is
-//! said, nothing is mapped, and the scans are looked for in all sub-maps until they are found.
+//! said, nothing is mapped, and the scans are looked for in all sub-maps until they are found. A scan that fits, but
+//! worse than scans used to, may have been taken elsewhere: it is held back, and looked for in the same way, until
+//! scans fit as usual or no better place was found.
 //!
 //! Deliberately not here: clocks, files, and what a pose is used for.
 
@@ -19,10 +21,12 @@ use crate::scan_match::Cloud;
 mod agreement;
 mod calibration;
 mod config;
+mod doubt;
 mod drawing;
 mod following;
 mod graph;
 mod growing;
+mod located;
 mod loops;
 mod motion;
 mod relocation;
@@ -33,13 +37,15 @@ mod sweep;
 
 pub use agreement::Standing;
 pub use config::SlamConfig;
+pub use located::{Anchor, Located};
 pub use motion::{MotionConfig, MotionModel};
 
 pub(crate) use agreement::{Judge, agrees_surely};
+pub(crate) use doubt::Doubt;
 pub(crate) use following::{Followed, follow};
 pub(crate) use sweep::{Place, Sweep, Verdict};
 
-use drawing::Drawing;
+use drawing::{Drawing, Keyframe};
 use graph::Graph;
 use loops::Loops;
 use seams::Seam;
@@ -52,31 +58,6 @@ const JUMP_RAD: f64 = 0.1;
 const LEAP_MAX_M: f64 = 20.0;
 /// Every how many-th scan a loop is looked for, if any waits: it takes as long as many scans.
 const LOOP_PERIOD: u64 = 3;
-
-/// A pose that moves with its sub-map when loops are closed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Anchor {
-    submap_idx: usize,
-    submap_from_base: Pose2,
-    /// The scan that was kept last.
-    nth_kept: u64,
-}
-
-/// What one scan did.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Located {
-    /// The pose, as it is known now.
-    pub map_from_base: Pose2,
-    /// The same, to be asked for again later: see [`Slam::pose`].
-    pub anchor: Anchor,
-    /// How well it is known.
-    pub standing: Standing,
-    /// Share of the scan that lies on the map's surfaces, 0 to 1.
-    pub inlier_share: f64,
-    /// The map moved under the robot, by a loop that was closed or a place that was found again: what was built
-    /// on its old pose does not fit.
-    pub has_jumped: bool,
-}
 
 /// Simultaneous localisation and mapping.
 pub struct Slam {
@@ -99,6 +80,9 @@ pub struct Slam {
     seams: Vec<Seam>,
     /// How far the pose may be off since the last scan that fitted.
     unsure: Unsure,
+    doubt: Doubt,
+    /// Scans that will go into the map if they were taken where they seem to be.
+    held: Vec<(Keyframe, Cloud)>,
     sweep: Sweep,
     n_scans: u64,
 }
@@ -150,6 +134,8 @@ impl Slam {
             drawing: Drawing::new(config.base_from_lidar, mapper, start),
             seams: Vec::new(),
             unsure: Unsure::default(),
+            doubt: Doubt::default(),
+            held: Vec::new(),
             sweep: Sweep::default(),
             config,
             n_scans: 0,
@@ -176,7 +162,12 @@ impl Slam {
             has_jumped = self.look_everywhere(&cloud, &foreseen);
             None
         } else {
-            self.follow(&cloud, &foreseen)
+            let last = self.present_from_base;
+            let followed = self.follow(&cloud, &foreseen);
+            has_jumped = followed.is_some_and(|followed| {
+                self.weigh(&cloud, &(last.inverse() * followed.pose), followed.share)
+            });
+            followed
         };
         let inlier_share = found.map_or(0.0, |found| found.inlier_share);
         let is_fit = self.last_keyframe.is_none() || has_jumped || found.is_some();
@@ -197,9 +188,13 @@ impl Slam {
             anchor: Anchor {
                 submap_idx: self.present,
                 submap_from_base: self.present_from_base,
-                nth_kept: self.drawing.n_ever(),
+                nth_kept: self.drawing.n_ever() + self.held.len() as u64,
             },
-            standing: self.judge.standing(),
+            standing: match self.judge.standing() {
+                Standing::Good if self.doubt.is_open() => Standing::Uncertain,
+                standing => standing,
+            },
+            is_in_doubt: self.judge.standing() == Standing::Good && self.doubt.is_open(),
             inlier_share,
             has_jumped,
         }

@@ -11,14 +11,13 @@ use geometry::Pose2;
 use nalgebra::Point2;
 
 use super::cloud::Cloud;
+use super::dense::{self, Dense};
 use super::map::{MatchMap, N_LEVELS};
 use super::placement::Placement;
 use super::{Prior, Window};
 
 /// So many points of a scan are enough to find it.
 const N_POINTS_MAX: usize = 64;
-/// Blocks along a side of the window in the dense look, at most.
-const N_DENSE_SIDE_MAX: i32 = 32;
 /// Blocks that promise less than this share of what the best one promises are not looked into.
 const PROMISE_SHARE_MIN: f32 = 0.55;
 /// Blocks that are looked into at most for each place that is wanted. After that the most promising ones are
@@ -153,7 +152,7 @@ impl<'a> Search<'a> {
             let placed = Placement::new(Pose2 { yaw_rad, ..guess });
             thin.iter().map(|at| map.cell_at(placed.point(*at))).collect()
         };
-        let is_few = |level: &usize| (2 * reach) >> level < N_DENSE_SIDE_MAX;
+        let is_few = |level: &usize| (2 * reach) >> level < dense::N_SIDE_MAX as i32;
         let cell = map.cell_m() / prior.shift_m.max(1e-3);
         let turn = turn_step_rad / prior.turn_rad.max(1e-4);
         Search {
@@ -172,28 +171,26 @@ impl<'a> Search<'a> {
 
     /// All blocks of the window that may hold the best place or one like it.
     fn promising(&self) -> BinaryHeap<Node> {
-        let n_side = ((2 * self.reach) >> self.top) as usize + 1;
-        let mut sums = vec![0_u16; n_side * n_side];
+        let Some(bounds) = self.map.bounds(self.top) else { return BinaryHeap::new() };
+        let mut dense = Dense::new(((2 * self.reach) >> self.top) as usize + 1);
         let mut nodes: Vec<Node> = Vec::new();
-        let (mut highest, mut least) = (0.0_f32, 0_u16);
-        for (heading, cells) in self.cells.iter().enumerate() {
-            sums.fill(0);
-            if let Some(bounds) = self.map.bounds(self.top) {
-                bounds.add_rows(cells, [-self.reach; 2], n_side, &mut sums);
-            }
-            for (idx, &sum) in sums.iter().enumerate() {
-                // Most are nowhere near: no loss needs to be known for that.
-                if sum < least {
-                    continue;
-                }
-                let off = [idx % n_side, idx / n_side].map(|n| ((n as i32) << self.top) - self.reach);
-                let node = self.node_of(self.top, heading as u16, off, u32::from(sum));
-                if node.bound > highest {
-                    highest = node.bound;
-                    least = (PROMISE_SHARE_MIN * highest / self.scale) as u16;
-                }
-                if node.bound >= PROMISE_SHARE_MIN * highest {
-                    nodes.push(node);
+        let mut highest = 0.0_f32;
+        let shift = |n: usize| ((n as i32) << self.top) - self.reach;
+        // From the expected heading to either side: what is good is found early, and all else falls short of it.
+        let mut headings: Vec<(usize, &Vec<[i32; 2]>)> = self.cells.iter().enumerate().collect();
+        headings.sort_by_key(|(heading, _)| (*heading as i32 - self.n_turns).abs());
+        for (heading, cells) in headings {
+            let turn_loss = self.loss(self.top, heading as u16, [0; 2]);
+            let least = ((PROMISE_SHARE_MIN * highest + turn_loss) / self.scale) as u16;
+            // Most are nowhere near: no loss needs to be known for that.
+            for (row, sums) in dense.sums(&bounds, cells, [-self.reach; 2], least) {
+                for (col, &sum) in sums.iter().enumerate().filter(|(_, sum)| **sum >= least) {
+                    let off = [shift(col), shift(row)];
+                    let node = self.node_of(self.top, heading as u16, off, u32::from(sum));
+                    highest = highest.max(node.bound);
+                    if node.bound >= PROMISE_SHARE_MIN * highest {
+                        nodes.push(node);
+                    }
                 }
             }
         }
@@ -205,22 +202,17 @@ impl<'a> Search<'a> {
     fn parts(&self, node: &Node) -> impl Iterator<Item = Node> {
         let level = usize::from(node.level).saturating_sub(1);
         let (half, node) = (1 << level, *node);
+        let cells = self.cells.get(usize::from(node.heading)).map_or(&[][..], Vec::as_slice);
+        let sums = match self.map.bounds(level) {
+            Some(bounds) => bounds.four_sums(cells, node.off),
+            None => self.map.four_heat_sums(cells, node.off),
+        };
         [(0, 0), (half, 0), (0, half), (half, half)]
             .map(|(dx, dy)| [node.off[0] + dx, node.off[1] + dy])
             .into_iter()
-            .filter(|off| off.iter().all(|o| *o <= self.reach))
-            .map(move |off| {
-                let cells = self.cells.get(usize::from(node.heading)).map_or(&[][..], Vec::as_slice);
-                self.node_of(level, node.heading, off, self.sum(level, cells, off))
-            })
-    }
-
-    /// Sum of the bounds of a level, or at the lowest of the heat itself.
-    fn sum(&self, level: usize, cells: &[[i32; 2]], off: [i32; 2]) -> u32 {
-        match self.map.bounds(level) {
-            Some(bounds) => bounds.sum(cells, off),
-            None => self.map.heat_sum(cells, off),
-        }
+            .zip(sums)
+            .filter(|(off, _)| off.iter().all(|o| *o <= self.reach))
+            .map(move |(off, sum)| self.node_of(level, node.heading, off, sum))
     }
 
     /// The place in a block that promises most at each step.

@@ -7,11 +7,12 @@ use geometry::Point2 as Point2D;
 use nalgebra::Point2;
 
 use super::placement::floor;
+use crate::bits::{BitGrid, N_WORD};
 
 /// Side of a square, metres.
 const SIDE_M: f32 = 0.1;
 /// The grid grows by this many squares at a time: one word.
-const CHUNK: i32 = 64;
+const CHUNK: i32 = N_WORD as i32;
 /// A beam frees nothing this near to its end, metres: pose and range are not exact.
 const SHORT_OF_END_M: f32 = 0.2;
 /// Beams are followed this far, metres.
@@ -26,16 +27,15 @@ pub struct FreeGrid {
     origin: [i32; 2],
     /// Columns and rows, multiples of [`CHUNK`].
     n_side: [i32; 2],
-    /// Row by row.
-    words: Vec<u64>,
+    bits: BitGrid,
 }
 
 impl FreeGrid {
     /// Whether a point lies where a beam has passed.
     #[must_use]
     pub fn is_free(&self, at: Point2<f32>) -> bool {
-        self.place(square_of(at))
-            .is_some_and(|(word, bit)| self.words.get(word).is_some_and(|w| w >> bit & 1 == 1))
+        let (col, row) = self.place(square_of(at));
+        self.bits.is_set(col, row)
     }
 
     /// Frees what a beam passed.
@@ -43,22 +43,20 @@ impl FreeGrid {
         let way = to - from;
         let length_m = way.norm();
         let free_m = (length_m - SHORT_OF_END_M).min(LENGTH_MAX_M);
-        // NaN is no length.
-        if !(free_m > 0.0 && from.coords.iter().all(|c| c.is_finite())) {
+        // What is not finite lies nowhere in the grid.
+        if free_m <= 0.0 {
             return;
         }
-        let step = way * (SIDE_M / length_m);
-        let mut at = from;
-        for _ in 0..=(free_m / SIDE_M) as usize {
-            self.mark(square_of(at));
-            at += step;
-        }
+        let corner = nalgebra::Vector2::from(self.origin).cast::<f64>();
+        let in_squares =
+            |at: Point2<f32>| Point2D::from(at.coords.cast::<f64>() / f64::from(SIDE_M) - corner);
+        self.bits.pass_middles(in_squares(from), in_squares(from + way * (free_m / length_m)));
     }
 
     /// Makes room for points between two corners, so that beams between them can be marked.
     pub fn make_room(&mut self, low: Point2<f32>, high: Point2<f32>) {
         let (low, high) = (square_of(low), square_of(high));
-        let is_empty = self.words.is_empty();
+        let is_empty = self.n_side[0] == 0;
         let (mut origin, mut n_side) = (self.origin, self.n_side);
         for axis in 0..2 {
             let (mut first, mut end) = (low[axis] - 1, high[axis] + 2);
@@ -73,35 +71,23 @@ impl FreeGrid {
         if is_same || n_side.iter().any(|n| *n > N_SIDE_MAX) {
             return;
         }
-        let mut words = vec![0; (n_side[0] / CHUNK * n_side[1]) as usize];
-        let (old_words, new_words) = ((self.n_side[0] / CHUNK) as usize, (n_side[0] / CHUNK) as usize);
-        let off_col = ((self.origin[0] - origin[0]) / CHUNK) as usize;
+        let off_word = ((self.origin[0] - origin[0]) / CHUNK) as usize;
         let off_row = (self.origin[1] - origin[1]) as usize;
-        for (row, old) in self.words.chunks_exact(old_words.max(1)).enumerate() {
-            let begin = (row + off_row) * new_words + off_col;
-            words[begin..begin + old_words].copy_from_slice(old);
-        }
-        (self.origin, self.n_side, self.words) = (origin, n_side, words);
+        self.bits.grow((n_side[0] / CHUNK) as usize, n_side[1] as usize, [off_word, off_row]);
+        (self.origin, self.n_side) = (origin, n_side);
     }
 
     /// Frees the square of a point; room must have been made.
     pub fn free(&mut self, at: Point2D) {
-        self.mark(square_of(at.cast()));
+        let (col, row) = self.place(square_of(at.cast()));
+        self.bits.set(col, row);
     }
 
-    fn mark(&mut self, square: [i32; 2]) {
-        if let Some((word, bit)) = self.place(square)
-            && let Some(word) = self.words.get_mut(word)
-        {
-            *word |= 1 << bit;
-        }
-    }
-
+    /// A square counted from the low corner. What lies below becomes huge, and is nowhere.
     #[inline]
-    fn place(&self, square: [i32; 2]) -> Option<(usize, u32)> {
-        let (col, row) = (square[0].wrapping_sub(self.origin[0]), square[1].wrapping_sub(self.origin[1]));
-        let is_inside = col >= 0 && row >= 0 && col < self.n_side[0] && row < self.n_side[1];
-        is_inside.then(|| ((row * (self.n_side[0] / CHUNK) + col / CHUNK) as usize, (col % CHUNK) as u32))
+    fn place(&self, square: [i32; 2]) -> (usize, usize) {
+        let from_corner = |axis: usize| square[axis].wrapping_sub(self.origin[axis]) as u32 as usize;
+        (from_corner(0), from_corner(1))
     }
 }
 

@@ -12,8 +12,8 @@ use nalgebra::{Point2, Vector2};
 use super::cloud::{Cloud, CloudPoint};
 use super::free::FreeGrid;
 use super::placement::{Placement, floor, unit};
-use super::pyramid::{Bounds, Level, Move, bounds_of};
-use super::tiles::{REACH, Spot, Tiles, falloff};
+use super::pyramid::{self, Bounds, Level, Move};
+use super::tiles::{Part, REACH, Spot, Tiles};
 
 /// Levels above the cells themselves; the highest has blocks of 16 cells.
 pub const N_LEVELS: usize = 4;
@@ -23,7 +23,6 @@ const CHUNK: i32 = 64;
 const SLACK: i32 = 128;
 /// Most cells along a side: beyond, points are left out. 400 m at 5 cm.
 const N_SIDE_MAX: usize = 8192;
-const N_STAMP: usize = 2 * REACH as usize + 1;
 /// Most pieces of surface: their numbers have 16 bits.
 const N_SURFELS_MAX: usize = 65_000;
 /// A piece of surface is the mean of at most this many points: it may still move.
@@ -39,7 +38,10 @@ const N_BEAMS_MAX: usize = 180;
 #[derive(Clone, Copy, Debug)]
 struct Surfel {
     at: Point2<f32>,
+    /// Unit, or zero when not known.
     normal: Vector2<f32>,
+    /// Sum of the normals of what fell into it.
+    normals: Vector2<f32>,
     n: f32,
 }
 
@@ -55,8 +57,6 @@ pub struct MatchMap {
     levels: [Level; N_LEVELS],
     surfels: Vec<Surfel>,
     free: FreeGrid,
-    /// Heat by squared distance, in quarters of a cell squared.
-    falloff: Vec<u8>,
 }
 
 /// The nearest surface to a point.
@@ -79,7 +79,6 @@ impl MatchMap {
             levels: std::array::from_fn(|_| Level::default()),
             surfels: Vec::new(),
             free: FreeGrid::default(),
-            falloff: falloff(),
         }
     }
 
@@ -98,7 +97,7 @@ impl MatchMap {
     /// The pieces of surface as points with normals.
     #[must_use]
     pub fn to_cloud(&self) -> Cloud {
-        let point = |s: &Surfel| CloudPoint { at: s.at, normal: unit(s.normal) };
+        let point = |s: &Surfel| CloudPoint { at: s.at, normal: s.normal };
         Cloud::from_points(self.surfels.iter().map(point).collect())
     }
 
@@ -122,6 +121,11 @@ impl MatchMap {
         for point in &points {
             self.insert_point(point);
         }
+        for tile in self.tiles.take_changed() {
+            if let Some(heats) = self.tiles.heats(tile[0], tile[1]) {
+                pyramid::raise(&mut self.levels, heats, tile);
+            }
+        }
         if let Some(eye) = cloud.eye() {
             let eye = placed.point(eye);
             self.free.make_room(low.inf(&eye), high.sup(&eye));
@@ -133,77 +137,32 @@ impl MatchMap {
 
     fn insert_point(&mut self, point: &CloudPoint) {
         let cell = self.cell_at(point.at);
+        let in_cells = point.at / self.cell_m;
+        let part = Part::of(in_cells.x - cell[0] as f32, in_cells.y - cell[1] as f32);
         let spot = self.spot(cell);
         if let Some(spot) = spot
             && let Some(surfel) = self.surfels.get_mut(usize::from(spot.surfel))
         {
             let is_same = (surfel.at - point.at).norm_squared() < (SAME_CELLS * self.cell_m).powi(2);
             // The other face of something thin keeps its own place and normal.
-            if is_same && surfel.normal.dot(&point.normal) >= 0.0 {
+            if is_same && surfel.normals.dot(&point.normal) >= 0.0 {
                 surfel.n = (surfel.n + 1.0).min(N_MEAN_MAX);
                 surfel.at += (point.at - surfel.at) / surfel.n;
-                surfel.normal += point.normal;
+                surfel.normals += point.normal;
+                surfel.normal = unit(surfel.normals);
             }
             // A piece of surface nearer to the cell's middle speaks for the cell.
-            if is_same || spot.heat >= self.heat_at(point.at, cell) {
+            if is_same || spot.heat >= part.heat() {
                 return;
             }
         }
-        if self.surfels.len() < N_SURFELS_MAX {
+        // The grid has room around every cell that was grown to.
+        let (col, row) = (cell[0] - self.origin[0], cell[1] - self.origin[1]);
+        if self.surfels.len() < N_SURFELS_MAX && col >= REACH && row >= REACH {
             let surfel_idx = self.surfels.len() as u16;
-            self.surfels.push(Surfel { at: point.at, normal: point.normal, n: 1.0 });
-            self.stamp(surfel_idx, point.at, cell);
-        }
-    }
-
-    /// Heat of a cell's middle by a point.
-    #[inline]
-    fn heat_at(&self, at: Point2<f32>, cell: [i32; 2]) -> u8 {
-        let inverse = 1.0 / self.cell_m;
-        let dx = cell[0] as f32 + 0.5 - at.x * inverse;
-        let dy = cell[1] as f32 + 0.5 - at.y * inverse;
-        self.falloff.get(((dx * dx + dy * dy) * 4.0) as usize).copied().unwrap_or(0)
-    }
-
-    /// Tells the cells around a new surfel of it. The grid has room around every cell that was grown to.
-    fn stamp(&mut self, surfel_idx: u16, at: Point2<f32>, cell: [i32; 2]) {
-        let inverse = 1.0 / self.cell_m;
-        let (x, y) = (at.x * inverse - 0.5, at.y * inverse - 0.5);
-        let (first_col, first_row) = (cell[0] - REACH, cell[1] - REACH);
-        let (low_col, low_row) = (first_col - self.origin[0], first_row - self.origin[1]);
-        if low_col < 0 || low_row < 0 {
-            return;
-        }
-        for above in 0..N_STAMP {
-            let dy = (first_row + above as i32) as f32 - y;
-            for beside in 0..N_STAMP {
-                let dx = (first_col + beside as i32) as f32 - x;
-                let heat = self.falloff.get(((dx * dx + dy * dy) * 4.0) as usize).copied().unwrap_or(0);
-                let (col, row) = (low_col as usize + beside, low_row as usize + above);
-                if heat > 0 && self.tiles.raise(col, row, Spot { heat, surfel: surfel_idx }) {
-                    self.raise(col, row, heat);
-                }
-            }
-        }
-    }
-
-    /// Raises the pyramid over a cell (counted from the grid's corner).
-    fn raise(&mut self, col: usize, row: usize, heat: u8) {
-        for (above, level) in self.levels.iter_mut().enumerate() {
-            let (col, row) = (col >> (above + 1), row >> (above + 1));
-            let n_cols = (self.n_side[0] >> (above + 1)) as usize;
-            let block = &mut level.blocks[row * n_cols + col];
-            if *block >= heat {
-                // Blocks nest: all above hold no less.
-                return;
-            }
-            *block = heat;
-            for row in row.saturating_sub(1)..=row {
-                for col in col.saturating_sub(1)..=col {
-                    let bound = &mut level.bounds[row * n_cols + col];
-                    *bound = (*bound).max(heat);
-                }
-            }
+            let CloudPoint { at, normal } = *point;
+            self.surfels.push(Surfel { at, normal: unit(normal), normals: normal, n: 1.0 });
+            self.tiles.stamp(col as usize, row as usize, part, surfel_idx);
         }
     }
 
@@ -222,25 +181,26 @@ impl MatchMap {
         if inside { self.tiles.spot(col as usize, row as usize) } else { None }
     }
 
-    /// Sum of heat over cells that are all shifted by `off`.
-    pub(super) fn heat_sum(&self, cells: &[[i32; 2]], off: [i32; 2]) -> u32 {
+    /// Sums of heat over cells that are all shifted by `off`, by a cell more to the right, above, and both.
+    pub(super) fn four_heat_sums(&self, cells: &[[i32; 2]], off: [i32; 2]) -> [u32; 4] {
         let (dx, dy) = (off[0].wrapping_sub(self.origin[0]), off[1].wrapping_sub(self.origin[1]));
         let [n_cols, n_rows] = self.n_side;
-        let mut sum = 0_u32;
+        let mut sums = [0_u32; 4];
         for &[x, y] in cells {
             let (col, row) = (x.wrapping_add(dx), y.wrapping_add(dy));
-            if col >= 0 && row >= 0 && col < n_cols && row < n_rows {
-                sum = sum.wrapping_add(self.tiles.heat(col as usize, row as usize).into());
+            // The outermost cells are near nothing: the grid has room around all that is.
+            if col >= 0 && row >= 0 && col < n_cols - 1 && row < n_rows - 1 {
+                for (sum, heat) in sums.iter_mut().zip(self.tiles.four_heats(col as usize, row as usize)) {
+                    *sum = sum.wrapping_add(heat.into());
+                }
             }
         }
-        sum
+        sums
     }
 
     /// The bounds of a level, from 1 on; `None` of one there is not.
     pub(super) fn bounds(&self, level: usize) -> Option<Bounds<'_>> {
-        let values = &self.levels.get(level.checked_sub(1)?)?.bounds;
-        let n_side = self.n_side.map(|n| (n >> level) as u32);
-        Some(Bounds { values, origin: self.origin, n_side, level: level as u32 })
+        Some(self.levels.get(level.checked_sub(1)?)?.bounds(self.origin, level as u32))
     }
 
     /// The surface nearest to a point; `None` where there is none within reach.
@@ -248,7 +208,7 @@ impl MatchMap {
     pub(super) fn nearest(&self, at: Point2<f32>) -> Option<Nearest> {
         let spot = self.spot(self.cell_at(at))?;
         let surfel = self.surfels.get(usize::from(spot.surfel))?;
-        Some(Nearest { at: surfel.at, normal: unit(surfel.normal) })
+        Some(Nearest { at: surfel.at, normal: surfel.normal })
     }
 
     /// Whether a point lies on a surface, to a tenth of a metre.
@@ -292,8 +252,7 @@ impl MatchMap {
         self.tiles.grow(&moved);
         (self.origin, self.n_side) = (origin, n_side);
         for (idx, level) in self.levels.iter_mut().enumerate() {
-            level.blocks = moved.apply(&level.blocks, 0, idx + 1);
-            level.bounds = bounds_of(&level.blocks, (n_side[0] >> (idx + 1)) as usize);
+            level.grow(&moved, idx + 1);
         }
     }
 }

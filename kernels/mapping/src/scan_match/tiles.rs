@@ -1,10 +1,12 @@
 //! Cells near surfaces, in tiles of 16 × 16: most of a building's ground is near none, and costs one number a
 //! tile.
 
+use std::sync::LazyLock;
+
 use super::pyramid::Move;
 
 /// Cells along the side of a tile, as a power of two.
-const SIDE_LOG2: usize = 4;
+pub(super) const SIDE_LOG2: usize = 4;
 const N_SIDE: usize = 1 << SIDE_LOG2;
 /// Heat reaches this many cells.
 pub(super) const REACH: i32 = 3;
@@ -13,6 +15,47 @@ const SIGMA_CELLS: f32 = 1.4;
 const NO_TILE: u32 = u32::MAX;
 /// No piece of surface is near.
 pub(super) const NO_SURFEL: u16 = u16::MAX;
+/// A piece of surface lies in one of so many parts of its cell, along each side: what it makes hot is known
+/// beforehand for each of them.
+const N_PARTS: usize = 8;
+/// Cells along the side of what a piece of surface makes hot.
+const N_STAMP: usize = 2 * REACH as usize + 1;
+
+/// Heat around a piece of surface, by rows.
+type Stamp = [[u8; N_STAMP]; N_STAMP];
+
+/// Stamps by the part of the cell that the piece of surface lies in.
+static STAMPS: LazyLock<Vec<Stamp>> = LazyLock::new(|| {
+    let middle = |part: usize| REACH as f32 + (part as f32 + 0.5) / N_PARTS as f32;
+    let heat = |dx: f32, dy: f32| {
+        // In quarters: of pieces of surface that are about as near, the one that was there first stays.
+        let squared = (4.0 * (dx * dx + dy * dy)).floor() / 4.0;
+        (255.0 * (-squared / (2.0 * SIGMA_CELLS * SIGMA_CELLS)).exp()).round() as u8
+    };
+    let stamp = |part: usize| -> Stamp {
+        let (x, y) = (middle(part % N_PARTS), middle(part / N_PARTS));
+        std::array::from_fn(|row| std::array::from_fn(|col| heat(col as f32 + 0.5 - x, row as f32 + 0.5 - y)))
+    };
+    (0..N_PARTS * N_PARTS).map(stamp).collect()
+});
+
+/// Which stamp is that of a piece of surface at such shares of its cell.
+#[derive(Clone, Copy)]
+pub(super) struct Part(usize);
+
+impl Part {
+    #[inline]
+    pub(super) fn of(x: f32, y: f32) -> Self {
+        let part = |share: f32| ((share * N_PARTS as f32) as usize).min(N_PARTS - 1);
+        Part(part(y) * N_PARTS + part(x))
+    }
+
+    /// How hot it makes the middle of its own cell.
+    #[inline]
+    pub(super) fn heat(self) -> u8 {
+        STAMPS.get(self.0).map_or(0, |stamp| stamp[REACH as usize][REACH as usize])
+    }
+}
 
 /// What is known at one cell.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +70,8 @@ pub(super) struct Spot {
 struct Tile {
     heat: [u8; N_SIDE * N_SIDE],
     surfels: [u16; N_SIDE * N_SIDE],
+    /// The pyramid above does not know of all of its heat.
+    is_changed: bool,
 }
 
 /// Tiles by place. Cells are counted from the low corner.
@@ -35,6 +80,8 @@ pub(super) struct Tiles {
     table: Vec<u32>,
     n_cols: usize,
     tiles: Vec<Tile>,
+    /// Columns and rows of tiles that have changed.
+    changed: Vec<[usize; 2]>,
 }
 
 #[inline]
@@ -52,33 +99,73 @@ impl Tiles {
         Some(Spot { heat: tile.heat[idx], surfel: tile.surfels[idx] })
     }
 
-    /// The heat of a cell.
+    /// The heat of a cell and of those to the right, above, and both.
     #[inline]
-    pub(super) fn heat(&self, col: usize, row: usize) -> u8 {
-        self.tile(col, row).map_or(0, |tile| tile.heat[within(col, row)])
+    pub(super) fn four_heats(&self, col: usize, row: usize) -> [u8; 4] {
+        if col % N_SIDE + 1 < N_SIDE && row % N_SIDE + 1 < N_SIDE {
+            let Some(tile) = self.tile(col, row) else { return [0; 4] };
+            let idx = within(col, row);
+            return [0, 1, N_SIDE, N_SIDE + 1].map(|beside| tile.heat[idx + beside]);
+        }
+        [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, up]| {
+            let (col, row) = (col + right, row + up);
+            self.tile(col, row).map_or(0, |tile| tile.heat[within(col, row)])
+        })
     }
 
-    /// Puts a piece of surface at a cell if it is nearer than what is there; true when it is.
-    #[inline]
-    pub(super) fn raise(&mut self, col: usize, row: usize, spot: Spot) -> bool {
-        let place = (row >> SIDE_LOG2) * self.n_cols + (col >> SIDE_LOG2);
-        let Some(entry) = self.table.get_mut(place) else { return false };
-        if *entry == NO_TILE {
-            *entry = self.tiles.len() as u32;
-            self.tiles.push(Tile { heat: [0; N_SIDE * N_SIDE], surfels: [NO_SURFEL; N_SIDE * N_SIDE] });
+    /// Tells the cells around a cell of a piece of surface in it: those that have none nearer take it. The grid has
+    /// room around the cell.
+    pub(super) fn stamp(&mut self, col: usize, row: usize, part: Part, surfel: u16) {
+        let Some(stamp) = STAMPS.get(part.0) else { return };
+        let reach = REACH as usize;
+        let (low, high) = ([col - reach, row - reach], [col + reach, row + reach]);
+        for tile_row in low[1] >> SIDE_LOG2..=high[1] >> SIDE_LOG2 {
+            for tile_col in low[0] >> SIDE_LOG2..=high[0] >> SIDE_LOG2 {
+                let corner = [tile_col << SIDE_LOG2, tile_row << SIDE_LOG2];
+                // The part of the stamp that lies on this tile, in cells of the tile.
+                let [cols, rows] = [0, 1].map(|axis| {
+                    low[axis].max(corner[axis]) - corner[axis]
+                        ..(high[axis] + 1).min(corner[axis] + N_SIDE) - corner[axis]
+                });
+                let first_col = corner[0] + cols.start - low[0];
+                let Some(tile) = self.tile_mut(tile_col, tile_row) else { continue };
+                let mut is_changed = false;
+                for row in rows {
+                    let cells = row * N_SIDE + cols.start..row * N_SIDE + cols.end;
+                    let stamped = &stamp[corner[1] + row - low[1]][first_col..];
+                    let (heats, surfels) = (&mut tile.heat[cells.clone()], &mut tile.surfels[cells]);
+                    for ((heat, nearest), &stamped) in heats.iter_mut().zip(surfels).zip(stamped) {
+                        let is_nearer = stamped > *heat;
+                        *heat = if is_nearer { stamped } else { *heat };
+                        *nearest = if is_nearer { surfel } else { *nearest };
+                        is_changed |= is_nearer;
+                    }
+                }
+                if is_changed && !std::mem::replace(&mut tile.is_changed, true) {
+                    self.changed.push([tile_col, tile_row]);
+                }
+            }
         }
-        let Some(tile) = self.tiles.get_mut(*entry as usize) else { return false };
-        let idx = within(col, row);
-        let is_nearer = spot.heat > tile.heat[idx];
-        if is_nearer {
-            (tile.heat[idx], tile.surfels[idx]) = (spot.heat, spot.surfel);
+    }
+
+    /// The tiles that have changed since this was asked for, by column and row, with their heat.
+    pub(super) fn take_changed(&mut self) -> Vec<[usize; 2]> {
+        for [col, row] in self.changed.clone() {
+            if let Some(tile) = self.tile_mut(col, row) {
+                tile.is_changed = false;
+            }
         }
-        is_nearer
+        std::mem::take(&mut self.changed)
+    }
+
+    /// The heat of all cells of a tile, row by row.
+    pub(super) fn heats(&self, tile_col: usize, tile_row: usize) -> Option<&[u8]> {
+        self.tile(tile_col << SIDE_LOG2, tile_row << SIDE_LOG2).map(|tile| tile.heat.as_slice())
     }
 
     /// Follows the grid into a larger one; sides and offsets are multiples of a tile's.
     pub(super) fn grow(&mut self, moved: &Move) {
-        self.table = moved.apply(&self.table, NO_TILE, SIDE_LOG2);
+        self.table = moved.apply(&self.table, NO_TILE, SIDE_LOG2, 0);
         self.n_cols = moved.to[0] as usize >> SIDE_LOG2;
     }
 
@@ -87,14 +174,19 @@ impl Tiles {
         let place = (row >> SIDE_LOG2).wrapping_mul(self.n_cols).wrapping_add(col >> SIDE_LOG2);
         self.tiles.get(*self.table.get(place)? as usize)
     }
-}
 
-/// Heat by squared distance, in quarters of a cell squared.
-pub(super) fn falloff() -> Vec<u8> {
-    let n_entries = 4 * 2 * (REACH + 1) * (REACH + 1);
-    let heat = |quarters: i32| {
-        let squared = quarters as f32 / 4.0;
-        (255.0 * (-squared / (2.0 * SIGMA_CELLS * SIGMA_CELLS)).exp()).round() as u8
-    };
-    (0..n_entries).map(heat).collect()
+    /// A tile by its column and row, made if there is none yet.
+    #[inline]
+    fn tile_mut(&mut self, tile_col: usize, tile_row: usize) -> Option<&mut Tile> {
+        let entry = self.table.get_mut(tile_row * self.n_cols + tile_col)?;
+        if *entry == NO_TILE {
+            *entry = self.tiles.len() as u32;
+            self.tiles.push(Tile {
+                heat: [0; N_SIDE * N_SIDE],
+                surfels: [NO_SURFEL; N_SIDE * N_SIDE],
+                is_changed: false,
+            });
+        }
+        self.tiles.get_mut(*entry as usize)
+    }
 }

@@ -156,6 +156,11 @@ impl Drawing {
         self.kept.push(Keyframe { nth: self.n_ever, ..keyframe });
     }
 
+    /// So many scans will never be kept; poses were told as if they would.
+    pub(super) fn skip(&mut self, n: usize) {
+        self.n_ever += n as u64;
+    }
+
     /// Number of scans that were ever kept: which one was the last.
     pub(super) fn n_ever(&self) -> u64 {
         self.n_ever

@@ -12,6 +12,8 @@ use crate::scan_match::Cloud;
 
 /// A sub-map with more pieces of surface than this is full.
 const N_SURFELS_MAX: usize = 20_000;
+/// Most scans that are held back while the robot's place is in doubt; what comes then is not mapped.
+const N_HELD_MAX: usize = 50;
 
 impl Slam {
     /// Gives up finding this scan, the one that was taken in last, in the map: a new piece of map begins with it
@@ -29,6 +31,7 @@ impl Slam {
         self.begin_at(map_from_base);
         self.seams.push(Seam::new(old, new, shift_m, turn_rad));
         self.judge = Judge::default();
+        self.doubt.close();
         self.unsure = Unsure::default();
         let cloud = Cloud::of_scan(scan, self.config.base_from_lidar, self.config.range_used_m);
         self.keep(scan, &cloud);
@@ -44,6 +47,7 @@ impl Slam {
         self.present = self.submaps.len();
         self.present_from_base = Pose2::IDENTITY;
         self.last_keyframe = None;
+        self.drop_held();
         self.submaps.push(Submap::new(self.config.cell_m, map_from_base, self.way_m));
     }
 
@@ -59,16 +63,35 @@ impl Slam {
         }
         let keyframe = Keyframe::new(scan, self.present, self.present_from_base, self.told.take());
         self.told = Some(Pose2::IDENTITY);
-        self.drawing.add(keyframe, &self.submaps);
-        let map_from_base = self.map_from_base();
-        for submap in &mut self.submaps[self.present..] {
-            let submap_from_base = submap.map_from_submap.inverse() * map_from_base;
-            submap.insert(cloud, submap_from_base);
-        }
         self.last_keyframe = Some(self.present_from_base);
+        self.held.push((keyframe, cloud.clone()));
+        if self.doubt.is_open() {
+            if self.held.len() > N_HELD_MAX {
+                self.held.pop();
+                self.told = None;
+            }
+            return false;
+        }
+        for (keyframe, cloud) in std::mem::take(&mut self.held) {
+            let map_from_base = keyframe.map_from_base(&self.submaps);
+            self.drawing.add(keyframe, &self.submaps);
+            for submap in &mut self.submaps[self.present..] {
+                let submap_from_base = submap.map_from_submap.inverse() * map_from_base;
+                submap.insert(&cloud, submap_from_base);
+            }
+        }
         let has_jumped = self.mend_a_seam();
         self.turn_over();
         has_jumped
+    }
+
+    /// The scans that were held back were taken elsewhere, or nobody knows where.
+    pub(super) fn drop_held(&mut self) {
+        if !self.held.is_empty() {
+            self.drawing.skip(self.held.len());
+            self.held.clear();
+            self.told = None;
+        }
     }
 
     /// Looks for the newest piece of the map in what was before the tear, when it is time; true when that

@@ -6,6 +6,7 @@
 use std::f64::consts::{PI, TAU};
 
 use geometry::{Point2, Pose2};
+use mapping::base_map::Scan;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -172,6 +173,25 @@ impl Building {
             })
             .collect()
     }
+}
+
+/// What a LiDAR says of its ranges.
+pub fn scan_of<'a>(ranges_m: &'a [f32], lidar: &Lidar) -> Scan<'a> {
+    Scan {
+        ranges_m,
+        angle_min_rad: lidar.angle_min_rad(),
+        angle_increment_rad: lidar.angle_step_rad(),
+        range_min_m: 0.05,
+        range_max_m: RANGE_MAX_M,
+        no_return_is_free: false,
+    }
+}
+
+/// A motion as wheels tell it that err by a share of the way and by radians for each metre.
+pub fn told(truly: Pose2, [share, turn_rad_m]: [f64; 2]) -> Pose2 {
+    let way_m = truly.position().coords.norm();
+    let scale = 1.0 + share;
+    Pose2::new(scale * truly.x_m, scale * truly.y_m, truly.yaw_rad + turn_rad_m * way_m)
 }
 
 fn crossing_m(eye: Point2, ray: nalgebra::Vector2<f64>, wall: &Wall) -> Option<f64> {

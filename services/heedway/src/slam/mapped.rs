@@ -21,7 +21,7 @@ pub(super) struct Counts {
     pub(super) n_bad: usize,
     /// Scans that could not be.
     pub(super) n_refused: usize,
-    /// Scans that did not fit the map.
+    /// Scans that did not fit the map, or so badly that they were in doubt.
     pub(super) n_uncertain: usize,
     /// Times that a new piece of map was begun.
     pub(super) n_lost: usize,
@@ -87,11 +87,11 @@ impl Mapped {
             self.counts.n_refused += 1;
             return None;
         };
-        if located.standing == Standing::Good {
+        self.counts.n_uncertain += usize::from(located.standing != Standing::Good);
+        if located.standing == Standing::Good || located.is_in_doubt {
             self.n_misses = 0;
             return Some(located);
         }
-        self.counts.n_uncertain += 1;
         self.n_misses += 1;
         let most = if last_from_now.is_some() { N_MISSES_MAX } else { N_MISSES_MAX_WITHOUT };
         if self.n_misses < most {

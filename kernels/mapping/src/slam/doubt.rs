@@ -19,7 +19,7 @@ const N_USUAL: u32 = 3;
 
 /// How well scans used to fit, and whether they do now.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Doubt {
+pub(crate) struct Doubt {
     usual: f64,
     deviation: f64,
     is_open: bool,
@@ -35,13 +35,14 @@ impl Default for Doubt {
 
 impl Doubt {
     /// The place is in doubt.
-    pub(super) fn is_open(&self) -> bool {
+    pub(crate) fn is_open(&self) -> bool {
         self.is_open
     }
 
-    /// Takes in how well a scan fits: of the points that say anything, the share that speaks for the place.
-    pub(super) fn hear(&mut self, share: f64) {
-        let fall_max = FALL_MIN.max(FALL_DEVIATIONS * self.deviation);
+    /// Takes in how well a scan fits: of the points that say anything, the share that speaks for the place. `news` is
+    /// the share that may be seen for the first time.
+    pub(crate) fn hear(&mut self, share: f64, news: f64) {
+        let fall_max = FALL_MIN.max(FALL_DEVIATIONS * self.deviation) + news;
         let is_usual = share >= self.usual - fall_max;
         self.n_usual = if is_usual { self.n_usual.saturating_add(1) } else { 0 };
         self.is_open = !is_usual || (self.is_open && self.n_usual < N_USUAL);
@@ -53,12 +54,12 @@ impl Doubt {
     }
 
     /// There is no better place: what fits like this is usual from now on.
-    pub(super) fn dismiss(&mut self, share: f64) {
+    pub(crate) fn dismiss(&mut self, share: f64) {
         *self = Doubt { usual: self.usual.min(share), ..Doubt::default() };
     }
 
     /// The robot was found elsewhere, where it fits.
-    pub(super) fn close(&mut self) {
+    pub(crate) fn close(&mut self) {
         self.is_open = false;
     }
 }
@@ -69,7 +70,7 @@ mod tests {
 
     fn after(shares: &[f64]) -> Doubt {
         let mut doubt = Doubt::default();
-        shares.iter().for_each(|share| doubt.hear(*share));
+        shares.iter().for_each(|share| doubt.hear(*share, 0.0));
         doubt
     }
 
@@ -83,6 +84,15 @@ mod tests {
     }
 
     #[test]
+    fn what_may_be_new_is_no_reason_for_doubt() {
+        let mut doubt = after(&[0.97; 50]);
+        doubt.hear(0.7, 0.3);
+        assert!(!doubt.is_open());
+        doubt.hear(0.5, 0.3);
+        assert!(doubt.is_open());
+    }
+
+    #[test]
     fn one_good_scan_ends_no_doubt_and_some_in_a_row_do() {
         let seen = [[0.97; 50].as_slice(), &[0.6, 0.97, 0.6, 0.97, 0.97]].concat();
         assert!(after(&seen).is_open());
@@ -93,9 +103,9 @@ mod tests {
     fn what_was_looked_into_is_doubted_again_only_when_it_gets_worse() {
         let mut doubt = after(&[0.97, 0.97, 0.7]);
         doubt.dismiss(0.7);
-        doubt.hear(0.69);
+        doubt.hear(0.69, 0.0);
         assert!(!doubt.is_open());
-        doubt.hear(0.5);
+        doubt.hear(0.5, 0.0);
         assert!(doubt.is_open());
     }
 }
