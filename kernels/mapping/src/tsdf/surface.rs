@@ -7,6 +7,10 @@ use nalgebra::Vector3;
 
 use super::{BLOCK_SIDE, BLOCK_VOXELS, BlockKey, Tsdf, Voxels};
 
+/// Voxels count as next to a surface up to a voxel behind it and this share of one in front, where those behind mostly count
+/// anyway: what is told to voxels in front, beside an edge, is the least sure.
+const IN_FRONT: f32 = 0.6;
+
 /// A piece of surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
@@ -42,15 +46,16 @@ impl Tsdf {
         self.surface().map(|piece| piece.point_map).collect()
     }
 
-    /// Points of all that the object covers, in `map`: one for each voxel within a voxel's side of the surface. For
-    /// footprints: what is thin, or seen from one side only, has such voxels where no surface passes between two.
+    /// Points of all that the object covers, in `map`: one for each voxel that is next to the surface. For footprints: what
+    /// is thin, or seen from one side only, has such voxels where no surface passes between two.
     #[must_use]
     pub fn covered_points(&self) -> Vec<Point3> {
-        let near_m = self.config.voxel_m as f32;
+        let voxel_m = self.config.voxel_m as f32;
+        let near_m = -voxel_m..IN_FRONT * voxel_m;
         let blocks = self.heads.iter().zip(&self.blocks);
         let near = blocks.flat_map(|(head, block)| {
-            let is_near = move |voxel: &usize| {
-                block.weight[*voxel] >= self.config.weight_min && block.sdf_m[*voxel].abs() < near_m
+            let is_near = |voxel: &usize| {
+                block.weight[*voxel] >= self.config.weight_min && near_m.contains(&block.sdf_m[*voxel])
             };
             (0..BLOCK_VOXELS).filter(is_near).map(|voxel| self.foot(head.key, block, voxel))
         });
