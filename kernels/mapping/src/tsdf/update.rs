@@ -30,6 +30,8 @@ pub(super) struct View<'a> {
     voxel_m: f32,
     truncation_m: f32,
     weight_max: f32,
+    /// Whether anything loses weight; blocks that hold no surface of this frame are then looked at too.
+    clears: bool,
     carve_step: f32,
     absent_step: f32,
 }
@@ -53,7 +55,7 @@ impl Work for Update<'_, '_> {
     #[inline(always)]
     fn run<const FUSED: bool>(mut self) -> Vec<usize> {
         let mut emptied = Vec::new();
-        if self.view.clears() {
+        if self.view.clears {
             for at in 0..self.heads.len() {
                 let Some(head) = self.heads.get(at) else { continue };
                 self.update(at, head.key, head.frame == self.frame, &mut emptied);
@@ -110,15 +112,10 @@ impl<'a> View<'a> {
             voxel_m: config.voxel_m as f32,
             truncation_m: config.truncation_m as f32,
             weight_max: config.weight_max,
+            clears: config.clears(),
             carve_step: config.carve_step,
             absent_step: config.absent_step,
         }
-    }
-
-    /// Whether anything loses weight; blocks that hold no surface of this frame are then looked at too.
-    #[inline(always)]
-    fn clears(&self) -> bool {
-        self.carve_step > 0.0 || self.absent_step > 0.0
     }
 
     /// Lets every voxel of a block learn from its pixel; returns how many were hit.
@@ -129,7 +126,7 @@ impl<'a> View<'a> {
         let (weights, _) = block.weight.as_chunks_mut::<N_SLAB>();
         let (mut slab, mut n_hit_all) = (Slab::EMPTY, 0);
         for (nth, (mean_m, weight)) in means.iter_mut().zip(weights).enumerate() {
-            let has_weight = self.clears() && weight.iter().any(|w| *w > 0.0);
+            let has_weight = self.clears && weight.iter().any(|w| *w > 0.0);
             if !reserved && !has_weight {
                 continue;
             }
