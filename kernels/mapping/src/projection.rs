@@ -14,7 +14,7 @@ const EDGE_ALWAYS: f32 = 0.15;
 /// the step: a floor or table top seen at a grazing angle.
 const BEND_MAX: f32 = 0.3;
 /// A pixel at the mask's border is background when something this much closer, relative to depth, is by.
-const LEAK: f32 = 0.1;
+pub(crate) const LEAK: f32 = 0.1;
 
 /// Which depth pixels are used.
 #[derive(Clone, Copy, Debug, PartialEq)]

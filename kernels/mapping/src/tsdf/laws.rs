@@ -7,6 +7,7 @@ use rand_xoshiro::Xoshiro256PlusPlus as Draws;
 
 use super::*;
 use crate::image::DepthImage;
+use crate::projection::DepthLimits;
 
 const WIDTH: usize = 96;
 const HEIGHT: usize = 72;
@@ -124,6 +125,47 @@ proptest! {
             if draws.random_bool(0.3) {
                 slow.decay(keep);
                 fast.iter_mut().for_each(|fast| fast.decay(keep));
+            }
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn what_is_seen_of_an_image_of_any_size_is_what_pixels_say_that_are_asked_one_by_one(
+        seed in any::<u64>(), width in 3..90_u32, height in 3..20_u32, erode_px in 0..5_usize,
+        edge_relative in prop_oneof![Just(0.01), Just(0.04), Just(0.3), Just(f64::INFINITY)],
+    ) {
+        let mut draws = Draws::seed_from_u64(seed);
+        let n_px = (width * height) as usize;
+        // Steps and slopes of all sizes, close to every limit.
+        let (mut depth_mm, mut mm) = (Vec::with_capacity(n_px), 2000.0_f64);
+        let step = draws.random_range(0.0..0.15);
+        for _ in 0..n_px {
+            mm *= 1.0 + draws.random_range(-step..=step);
+            mm = if draws.random_bool(0.02) { draws.random_range(200.0..7000.0) } else { mm };
+            depth_mm.push(if draws.random_bool(0.02) { 0 } else { mm as u16 });
+        }
+        let is_masked = draws.random_bool(0.8);
+        let from = (draws.random_range(0..width), draws.random_range(0..height));
+        let bits = (0..width * height).map(|at| {
+            at % width >= from.0 / 2 && at / width >= from.1 / 2 && !draws.random_bool(0.03)
+        });
+        let mask = is_masked.then(|| Mask::new(width, height, bits.collect()).unwrap());
+        let camera = CameraIntrinsics { width, height, fx: 50.0, fy: 50.0, cx: 1.0, cy: 1.0 };
+        let depth = DepthImage::new(width, height, &depth_mm).unwrap();
+        let frame = DepthFrame::new(depth, camera, Pose3::identity()).unwrap();
+        let limits = DepthLimits { erode_px, edge_relative, ..DepthLimits::default() };
+        let trusted = TrustedDepth::new(&frame, mask.as_ref(), &limits);
+        for isa in Isa::available() {
+            let mut seen = Seen::default();
+            isa.run(Sift::new(&frame, &trusted, mask.as_ref().map(Mask::bits), &limits, &mut seen));
+            for (col, row) in (0..height).flat_map(|row| (0..width).map(move |col| (col as usize, row as usize))) {
+                let alone_mm = match trusted.at_in_mask(col, row) {
+                    Some(_) => depth_mm[row * width as usize + col],
+                    None => 0,
+                };
+                prop_assert_eq!(seen.at(col, row), alone_mm, "pixel {} {} by {:?}", col, row, isa);
             }
         }
     }

@@ -1,14 +1,17 @@
 //! What a frame shows of the object: the depth of its mask that can be trusted, found once for all voxels that ask.
 //!
-//! Nearly every pixel is told by whole numbers in loops over rows, which compilers turn into vectors: no neighbour is
-//! far enough off to be an edge, no border of the mask is near. The few others are asked one by one
-//! ([`TrustedDepth`]); the result is the same as if all were.
+//! Nearly every pixel is told by whole numbers in loops over some in line, which compilers turn into vectors: no
+//! neighbour is far enough off to be an edge, and it is not at the mask's border or nothing nearer is beside it. The few
+//! others are asked one by one ([`TrustedDepth`]); the result is the same as if all were.
 
 use std::ops::Range;
 
 use crate::image::DepthFrame;
 use crate::isa::Work;
-use crate::projection::{DepthLimits, TrustedDepth};
+use crate::projection::{DepthLimits, LEAK, TrustedDepth};
+
+/// Pixels that are looked at at once: a vector of the widest instructions.
+const LANES: usize = 32;
 
 /// Trusted depth in the box around a mask, row by row.
 #[derive(Clone, Default)]
@@ -141,112 +144,156 @@ impl Work for Sift<'_, '_> {
         if let Some(last) = self.seen.depth_mm.last_mut() {
             *last = 0;
         }
-        let mut doubted = vec![0_u8; n_cols];
+        let line = Line { frame: self.frame, trusted: self.trusted, mask: self.mask, limits: self.limits };
         for (row, out) in rows.zip(self.seen.depth_mm.chunks_exact_mut(n_cols.max(1))) {
-            doubted.fill(1);
-            look_at_row(self.frame, self.limits, (&cols, row), out, &mut doubted);
-            if let Some(mask) = self.mask {
-                let width = self.trusted.width();
-                keep_masked(mask, width, self.limits, (&cols, row), out, &mut doubted);
-            }
-            if self.limits.has_edges {
-                settle(self.trusted, (cols.start, row), out, &doubted);
-            }
+            line.look(row, cols.start, out);
         }
     }
 }
 
-/// Depth of a row that is in range, and where it may be an edge; doubt is left where it is at the image's border.
-#[inline(always)]
-fn look_at_row(
-    frame: &DepthFrame<'_>,
+/// Pixels of a row.
+type Lanes<T> = [T; LANES];
+
+/// How rows of a frame are looked at.
+struct Line<'w, 'a> {
+    frame: &'w DepthFrame<'a>,
+    trusted: &'w TrustedDepth<'a>,
+    mask: Option<&'w [bool]>,
     limits: Limits,
-    (cols, row): (&Range<usize>, usize),
-    out: &mut [u16],
-    doubted: &mut [u8],
-) {
-    let (width, height) = (frame.depth().width() as usize, frame.depth().height() as usize);
-    let depth_mm = frame.depth().depth_mm();
-    let line = |row: usize, off: usize| depth_mm.get(row * width + off..).unwrap_or(&[]);
-    let [least, most] = limits.range_mm;
-    let in_range = |mm: u16| {
-        let is_in = (u32::from(mm) >= least) & (u32::from(mm) <= most);
-        if is_in { mm } else { 0 }
-    };
-    for (out, mm) in out.iter_mut().zip(line(row, cols.start)) {
-        *out = in_range(*mm);
-    }
-    let (first, end) = (cols.start.max(1), cols.end.min(width - 1));
-    if row == 0 || row + 1 >= height || first >= end {
-        return;
-    }
-    let n = end - first;
-    let around = [line(row, first - 1), line(row, first + 1), line(row - 1, first), line(row + 1, first)];
-    let [Some(left), Some(right), Some(up), Some(down)] = around.map(|line| line.get(..n)) else { return };
-    let Some(here) = line(row, first).get(..n) else { return };
-    let Some(doubted) = doubted.get_mut(first - cols.start..).and_then(|rest| rest.get_mut(..n)) else {
-        return;
-    };
-    for n in 0..n {
-        let here = here[n];
-        let off = |other: u16| if other > 0 { other.abs_diff(here) } else { 0 };
-        let farthest = off(left[n]).max(off(right[n])).max(off(up[n]).max(off(down[n])));
-        let limit = (u32::from(here).wrapping_mul(limits.share) >> 16) as u16;
-        doubted[n] = u8::from((farthest > limit) & (here > 0));
-    }
 }
 
-/// Leaves nothing beside the mask, and doubts what is near its border.
-#[inline(always)]
-fn keep_masked(
-    mask: &[bool],
-    width: usize,
-    limits: Limits,
-    (cols, row): (&Range<usize>, usize),
-    out: &mut [u16],
-    doubted: &mut [u8],
-) {
-    let reach = limits.reach;
-    let line = |row: usize, off: usize| mask.get(row * width + off..).unwrap_or(&[]);
-    let height = mask.len() / width.max(1);
-    for (out, in_mask) in out.iter_mut().zip(line(row, cols.start)) {
-        *out = if *in_mask { *out } else { 0 };
-    }
-    let (first, end) = (cols.start.max(reach), cols.end.min(width.saturating_sub(reach)));
-    if row < reach || row + reach >= height || first >= end {
-        doubted.fill(1);
-        return;
-    }
-    let (inside_from, n) = (first - cols.start, end - first);
-    doubted.iter_mut().take(inside_from).for_each(|doubted| *doubted = 1);
-    doubted.iter_mut().skip(inside_from + n).for_each(|doubted| *doubted = 1);
-    for off in 1..=reach {
-        let around =
-            [line(row, first - off), line(row, first + off), line(row - off, first), line(row + off, first)];
-        for (doubted, ((left, right), (up, down))) in doubted
-            .iter_mut()
-            .skip(inside_from)
-            .take(n)
-            .zip(around[0].iter().zip(around[1]).zip(around[2].iter().zip(around[3])))
-        {
-            *doubted |= u8::from(!(*left & *right & *up & *down));
-        }
-    }
-}
-
-/// Asks doubted pixels of a row with care.
-#[inline(always)]
-fn settle(trusted: &TrustedDepth<'_>, (first_col, row): (usize, usize), out: &mut [u16], doubted: &[u8]) {
-    /// So many at once are mostly all beyond doubt.
-    const AT_ONCE: usize = 16;
-    for (nth, (out, doubted)) in out.chunks_mut(AT_ONCE).zip(doubted.chunks(AT_ONCE)).enumerate() {
-        if <&[u8; AT_ONCE]>::try_from(doubted).is_ok_and(|doubted| *doubted == [0; AT_ONCE]) {
-            continue;
-        }
-        for (off, (out, doubted)) in out.iter_mut().zip(doubted).enumerate() {
-            if *doubted > 0 && *out > 0 && trusted.at(first_col + nth * AT_ONCE + off, row).is_none() {
-                *out = 0;
+impl Line<'_, '_> {
+    /// Writes what is seen in a row, from a column on.
+    #[inline(always)]
+    fn look(&self, row: usize, first_col: usize, out: &mut [u16]) {
+        for (nth, out) in out.chunks_mut(LANES).enumerate() {
+            let col = first_col + nth * LANES;
+            // The last pixels of a row are looked at with those before them.
+            let from = col.min(self.trusted.width().saturating_sub(LANES));
+            let Some((mut seen_mm, doubted)) = self.look_at(from, row) else {
+                self.look_with_care((col, row), out);
+                continue;
+            };
+            self.settle((from, row), &mut seen_mm, &doubted);
+            if let Ok(out) = <&mut Lanes<u16>>::try_from(&mut *out) {
+                *out = seen_mm;
+            } else if let Some(seen_mm) = seen_mm.get(col - from..col - from + out.len()) {
+                out.copy_from_slice(seen_mm);
             }
         }
     }
+
+    /// Depth of some pixels in line that is in range and in the mask, millimetres, and which of them are doubted; nothing
+    /// where the image has no rows to compare them with, or is narrower than they are. At an image's sides they are compared
+    /// with the end of another row as well: that can but add doubts.
+    #[inline(always)]
+    fn look_at(&self, col: usize, row: usize) -> Option<(Lanes<u16>, Lanes<bool>)> {
+        let Limits { range_mm: [least, most], share, has_edges, .. } = self.limits;
+        let (width, depth_mm) = (self.trusted.width(), self.frame.depth().depth_mm());
+        if width < LANES {
+            return None;
+        }
+        let start = row * width + col;
+        let here = lanes(depth_mm, start)?;
+        let mut seen_mm = [0; LANES];
+        for n in 0..LANES {
+            let is_in = (u32::from(here[n]) >= least) & (u32::from(here[n]) <= most);
+            seen_mm[n] = if is_in { here[n] } else { 0 };
+        }
+        if let Some(mask) = self.mask {
+            let in_mask = lanes(mask, start)?;
+            for n in 0..LANES {
+                seen_mm[n] = if in_mask[n] { seen_mm[n] } else { 0 };
+            }
+        }
+        let mut doubted = [false; LANES];
+        if !has_edges {
+            return Some((seen_mm, doubted));
+        }
+        let around = around(depth_mm, start, width, 1)?;
+        for n in 0..LANES {
+            let off = |other: u16| if other > 0 { other.abs_diff(here[n]) } else { 0 };
+            let farthest = around.iter().fold(0, |farthest, there| off(there[n]).max(farthest));
+            let limit = (u32::from(here[n]).wrapping_mul(share) >> 16) as u16;
+            doubted[n] = farthest > limit;
+        }
+        if let Some(mask) = self.mask {
+            self.doubt_border(mask, start, &mut doubted)?;
+        }
+        Some((seen_mm, doubted))
+    }
+
+    /// Doubts pixels at the mask's border beside which something may be nearer.
+    #[inline(always)]
+    fn doubt_border(&self, mask: &[bool], start: usize, doubted: &mut Lanes<bool>) -> Option<()> {
+        /// Of 65536: a little more than what counts as nearer.
+        const NEARER: u32 = ((1.0 - 0.998 * LEAK) * 65_536.0) as u32;
+        let (depth_mm, width) = (self.frame.depth().depth_mm(), self.trusted.width());
+        let mut is_inside = [true; LANES];
+        for off in 1..=self.limits.reach {
+            let around = around(mask, start, width, off)?;
+            for n in 0..LANES {
+                is_inside[n] &= around.iter().fold(true, |is_inside, there| is_inside & there[n]);
+            }
+        }
+        if is_inside == [true; LANES] {
+            return Some(());
+        }
+        let here = lanes(depth_mm, start)?;
+        let mut nearest = [u16::MAX; LANES];
+        for off in 1..=self.limits.reach {
+            let around = around(depth_mm, start, width, off)?;
+            for n in 0..LANES {
+                // Zero, no depth, becomes the farthest.
+                nearest[n] =
+                    around.iter().fold(nearest[n], |nearest, there| nearest.min(there[n].wrapping_sub(1)));
+            }
+        }
+        for n in 0..LANES {
+            let is_nearer = u32::from(nearest[n]) <= u32::from(here[n]).wrapping_mul(NEARER) >> 16;
+            doubted[n] |= !is_inside[n] & is_nearer;
+        }
+        Some(())
+    }
+
+    /// Asks doubted pixels with care.
+    #[inline(always)]
+    fn settle(&self, (col, row): (usize, usize), seen_mm: &mut Lanes<u16>, doubted: &Lanes<bool>) {
+        let mut open = 0_u32;
+        for n in 0..LANES {
+            open |= u32::from(doubted[n] & (seen_mm[n] > 0)) << n;
+        }
+        while open != 0 {
+            let n = open.trailing_zeros() as usize;
+            open &= open - 1;
+            if self.trusted.at(col + n, row).is_none()
+                && let Some(seen_mm) = seen_mm.get_mut(n)
+            {
+                *seen_mm = 0;
+            }
+        }
+    }
+
+    /// Asks all pixels of a row, from a column on, with care.
+    fn look_with_care(&self, (col, row): (usize, usize), out: &mut [u16]) {
+        let start = row * self.trusted.width() + col;
+        let depth_mm = self.frame.depth().depth_mm();
+        for (n, out) in out.iter_mut().enumerate() {
+            let is_seen = self.trusted.in_mask(start + n) && self.trusted.at(col + n, row).is_some();
+            *out = if is_seen { depth_mm.get(start + n).copied().unwrap_or(0) } else { 0 };
+        }
+    }
+}
+
+/// Those from a position on.
+#[inline(always)]
+fn lanes<T>(all: &[T], start: usize) -> Option<&Lanes<T>> {
+    all.get(start..)?.first_chunk()
+}
+
+/// Those so many to the left, to the right, above and below, in an image of a width.
+#[inline(always)]
+fn around<T>(all: &[T], start: usize, width: usize, off: usize) -> Option<[&Lanes<T>; 4]> {
+    let before = |back: usize| lanes(all, start.checked_sub(back)?);
+    Some([before(off)?, lanes(all, start + off)?, before(off * width)?, lanes(all, start + off * width)?])
 }
