@@ -17,11 +17,13 @@ pub const N_CELLS_SIDE_MAX: u32 = 8192;
 pub enum PoseQuality {
     /// Good enough to drive on.
     Good,
+    /// In doubt: the pose is the last good one, repeated. Go on by odometry from there, for as long as it is fresh.
+    Uncertain,
     /// Lost: do not drive on it.
     Lost,
 }
 
-/// Where `odom` lies in `map`. `stamp_ns` and `echo` are those of the scan it was matched from.
+/// Where `odom` lies in `map`. `stamp_ns` and `echo` are those of the scan it was matched from, or could not be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseEstimate {
     /// Order, stamp, echo.

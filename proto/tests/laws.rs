@@ -62,12 +62,14 @@ fn comes_back<M: Message + PartialEq + std::fmt::Debug>(message: &M) {
 
 proptest! {
     #[test]
-    fn motion_comes_back(header in any_header(), pose in any_pose(), v in -3.0..3.0, w in -3.0..3.0) {
+    fn motion_comes_back(
+        header in any_header(), pose in any_pose(), v in -3.0..3.0, w in -3.0..3.0,
+        quality in prop::sample::select(vec![PoseQuality::Good, PoseQuality::Uncertain, PoseQuality::Lost]),
+    ) {
         let twist = Twist::new(v, w);
         comes_back(&Odometry { header, odom_from_base: pose, twist, fault: None });
         comes_back(&NominalCommand { header, twist });
         comes_back(&SafeCommand { header, twist });
-        let quality = PoseQuality::Good;
         comes_back(&PoseEstimate { header, map_epoch: 3, map_from_odom: pose, quality });
     }
 

@@ -134,7 +134,9 @@ impl Senses {
             None => return Err(Invalid::new("stamp_ns", stamp_ns, "within the odometry that was heard")),
             Some(_) => {}
         }
-        if self.threads.pose.follow(heard.message.header, heard.at) != Order::Old {
+        let is_old = self.threads.pose.follow(heard.message.header, heard.at) == Order::Old;
+        // In doubt it goes by odometry from the last good pose, until that is too old.
+        if !is_old && heard.message.quality != PoseQuality::Uncertain {
             self.pose = Some(heard);
         }
         Ok(None)

@@ -16,9 +16,13 @@ impl Whereabouts {
         self.odom_from_base = Some((now, odometry.odom_from_base));
     }
 
-    /// Localisation was heard; a lost pose is none.
+    /// Localisation was heard; a lost pose is none, and one in doubt is as if none had come.
     pub fn hear_pose(&mut self, now: Time, estimate: &PoseEstimate) {
-        self.map_from_odom = (estimate.quality == PoseQuality::Good).then_some((now, estimate.map_from_odom));
+        self.map_from_odom = match estimate.quality {
+            PoseQuality::Good => Some((now, estimate.map_from_odom)),
+            PoseQuality::Uncertain => self.map_from_odom,
+            PoseQuality::Lost => None,
+        };
     }
 
     /// The robot's pose in the map as [x, y, yaw], while both parts of it are fresh.
@@ -82,7 +86,8 @@ mod tests {
         whereabouts.hear_odometry(ms(900), &odometry(2.0));
         assert!(whereabouts.anchor(ms(900)).is_some());
         whereabouts.hear_odometry(ms(901), &odometry(2.0));
-        assert_eq!(whereabouts.anchor(ms(901)), None);
+        whereabouts.hear_pose(ms(901), &pose(PoseQuality::Uncertain));
+        assert_eq!(whereabouts.anchor(ms(901)), None, "doubt makes nothing fresh");
         whereabouts.hear_pose(ms(902), &pose(PoseQuality::Lost));
         assert_eq!(whereabouts.anchor(ms(902)), None);
     }

@@ -167,7 +167,9 @@ impl NavigatorDecider {
     }
 
     fn hear_pose(&mut self, pose: PoseEstimate, at: Time) {
-        if self.pose.as_ref().is_none_or(|(last, _)| pose.header.stamp_ns > last.header.stamp_ns) {
+        let is_newer = self.pose.as_ref().is_none_or(|(last, _)| pose.header.stamp_ns > last.header.stamp_ns);
+        // In doubt it goes by odometry from the last good pose, until that is too old.
+        if is_newer && pose.quality != PoseQuality::Uncertain {
             self.pose = Some((pose, at));
         }
     }

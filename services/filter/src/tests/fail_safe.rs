@@ -99,6 +99,18 @@ fn a_pose_that_is_lost_stops() {
 }
 
 #[test]
+fn a_pose_in_doubt_carries_the_robot_as_far_as_none_does() {
+    let in_doubt_for = |ms| {
+        let mut bench = Bench::driving();
+        bench.quality = PoseQuality::Uncertain;
+        bench.run(ms);
+        bench
+    };
+    assert_eq!(in_doubt_for(800).status().stop_reason, "");
+    assert!(comes_to_rest(in_doubt_for(1000)).stop_reason.contains("pose"));
+}
+
+#[test]
 fn silent_semantics_slow_and_then_stop_while_a_rule_has_an_object() {
     let at = silent_for(with_a_grounded_rule(), Feed::Beat, 1000);
     assert_eq!(at.status().words, "as asked");

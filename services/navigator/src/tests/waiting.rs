@@ -61,6 +61,17 @@ fn with_localisation_lost_it_sends_nothing() {
 }
 
 #[test]
+fn with_localisation_in_doubt_it_goes_on_by_odometry_until_the_last_good_pose_is_stale() {
+    let mut bench = driving();
+    bench.quality = PoseQuality::Uncertain;
+    bench.run(800, &[]);
+    assert_ne!(bench.state(), "waiting");
+    bench.run(2000, &[]);
+    assert_eq!(bench.state(), "waiting");
+    assert!(bench.status.as_ref().unwrap().words.contains("pose"), "{:?}", bench.status);
+}
+
+#[test]
 fn without_a_goal_it_stands_and_says_so_twenty_times_a_second() {
     let mut bench = Bench::new(Planner::Base);
     bench.room(&[]);

@@ -60,6 +60,8 @@ pub struct Decider {
     map_sent: Option<Time>,
     taken_in: Option<Time>,
     standing: Standing,
+    /// The last good pose of `odom` in `map`.
+    told: Pose2,
     trouble: String,
 }
 
@@ -86,6 +88,7 @@ impl Decider {
             map_sent: None,
             taken_in: None,
             standing: Standing::Good,
+            told: Pose2::IDENTITY,
             trouble: String::new(),
         }
     }
@@ -158,17 +161,21 @@ impl Decider {
             // Told at once.
             self.map_sent = None;
         }
-        if self.standing != Standing::Good {
-            // A pose that is not known, or in doubt, is not told: whoever needs one goes on by odometry from the last
-            // that was, and stops for want of one when that grows old.
-            return;
+        let quality = match self.standing {
+            Standing::Good => PoseQuality::Good,
+            Standing::Uncertain => PoseQuality::Uncertain,
+            Standing::Lost => PoseQuality::Lost,
+        };
+        // A pose that is not known, or in doubt, is not told: that is said with the last one that was good.
+        if quality == PoseQuality::Good {
+            self.told = estimate.map_from_odom;
         }
         self.n_poses += 1;
         outputs.push(Output::Pose(PoseEstimate {
             header: Header { seq: self.n_poses, ..scan.header },
             map_epoch: self.source.map_epoch(),
-            map_from_odom: estimate.map_from_odom,
-            quality: PoseQuality::Good,
+            map_from_odom: self.told,
+            quality,
         }));
     }
 

@@ -28,7 +28,9 @@ struct Bench {
     odometry_is_silent: bool,
     /// A scan on its way.
     under_way: Option<Scan>,
+    /// Those that are told to be good, and what the others are said to be.
     poses: Vec<PoseEstimate>,
+    doubts: Vec<PoseQuality>,
     maps: Vec<(Time, BaseMap)>,
     troubles: Vec<String>,
 }
@@ -53,6 +55,7 @@ impl Bench {
             odometry_is_silent: false,
             under_way: None,
             poses: Vec::new(),
+            doubts: Vec::new(),
             maps: Vec::new(),
             troubles: Vec::new(),
         }
@@ -65,7 +68,8 @@ impl Bench {
     fn input(&mut self, input: Input) {
         for output in self.decider.step(self.now, input) {
             match output {
-                Output::Pose(pose) => self.poses.push(pose),
+                Output::Pose(pose) if pose.quality == PoseQuality::Good => self.poses.push(pose),
+                Output::Pose(pose) => self.doubts.push(pose.quality),
                 Output::BaseMap(map) => self.maps.push((self.now, map)),
                 Output::Trouble(words) => self.troubles.push(words),
             }
@@ -233,6 +237,8 @@ fn a_robot_that_is_carried_off_is_lost_says_so_and_is_found_once_one_place_stand
     bench.drive(10.0);
     let n_told = bench.poses.len();
     assert!(n_told < 90, "{n_told} poses told, and nobody knew where it is");
+    assert_eq!(n_told + bench.doubts.len(), 180, "each scan has its word");
+    assert_eq!(bench.doubts.last(), Some(&PoseQuality::Lost));
     // Somebody moves it, and one of them no longer fits.
     bench.twist = Twist { speed_m_s: 0.3, yaw_rate_rad_s: 0.5 };
     bench.drive(5.0);
@@ -291,6 +297,7 @@ fn in_a_saved_map_a_robot_that_was_carried_off_tells_no_wrong_pose() {
     bench.drive(5.0);
     let is_said = |words: &String| words.contains("uncertain") || words.contains("lost");
     assert!(bench.troubles.iter().any(is_said), "{:?}", bench.troubles);
+    assert!(!bench.doubts.is_empty());
     for pose in &bench.poses[80..] {
         let off = pose.map_from_odom.inverse() * bench.world_from_odom;
         let off_m = (pose.map_from_odom.transform(geometry::Point2::origin())

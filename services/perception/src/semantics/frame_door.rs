@@ -164,8 +164,10 @@ impl FrameDoor {
     /// In words, when the pose of the map is not known, lost, too old, or of another run of the base.
     pub fn map_from_base(&self, frame: &Frame) -> Result<Pose2, String> {
         let pose = self.pose.as_ref().ok_or("no pose from localisation")?;
-        if pose.quality != PoseQuality::Good {
-            return Err("localisation is lost".to_owned());
+        match pose.quality {
+            PoseQuality::Good => {}
+            PoseQuality::Uncertain => return Err("localisation is uncertain".to_owned()),
+            PoseQuality::Lost => return Err("localisation is lost".to_owned()),
         }
         if frame.odometry_run != self.track.run() {
             return Err("the base has begun anew since the frame was taken".to_owned());

@@ -159,6 +159,7 @@ fn without_a_good_pose_nothing_is_mapped() {
     };
     check(|bench| bench.pose_is_silent = true, "no pose from localisation");
     check(|bench| bench.quality = PoseQuality::Lost, "localisation is lost");
+    check(|bench| bench.quality = PoseQuality::Uncertain, "localisation is uncertain");
 }
 
 #[test]
