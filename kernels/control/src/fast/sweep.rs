@@ -5,13 +5,13 @@
 //! here too, from an incumbent and the draws of the tick, and never stored. How a robot moves and what a margin
 //! is worth is a [`Model`]'s business; the standard problem has the one there is.
 
-use super::isa::Work;
+use super::isa::{Work, fused};
 use super::merge::Merged;
 use super::packed::{RIDGE, unpacked};
 
 mod lanes;
 
-use lanes::{judge_lanes, place_lanes, room_lanes, settle_lanes, step_lanes};
+use lanes::{begin_lanes, judge_lanes, place_lanes, room_lanes, settle_lanes, step_lanes};
 
 /// Lanes of one pass.
 const N: usize = 64;
@@ -52,8 +52,10 @@ pub(crate) struct From {
     pub sin: f32,
     pub cos: f32,
     pub speed_m_s: f32,
-    /// What is kept already.
+    /// What is kept already, the place after the first step included: no control changes it.
     pub kept_m: f32,
+    /// The two margins at that place, of which what the slow zone is worth is still to be judged.
+    pub next_m: [f32; 2],
 }
 
 /// The grid of words under the lanes; the lower half of a word is the margin to what must be kept clear of, the
@@ -70,10 +72,29 @@ pub(crate) struct Ground<'a> {
     pub high: [f32; 2],
     /// The most that either margin changes over the length of a cell side, metres.
     pub slope_m: f32,
-    /// Quanta of the two margins, metres.
+    /// Quanta of the two margins, and what they are counted from, metres.
     pub quantum_m: [f32; 2],
+    pub lowest_m: [f32; 2],
     /// Who to ask where layers cross.
     pub ridges: Option<&'a Merged>,
+}
+
+impl Ground<'_> {
+    /// What a word says of what must be kept clear of, marked or not, metres.
+    #[inline(always)]
+    fn clear_m<const FUSED: bool>(&self, word: u32, share_x: f32, share_y: f32) -> f32 {
+        fused::<FUSED>(
+            self.quantum_m[0],
+            unpacked::<FUSED>(word & !RIDGE, share_x, share_y),
+            self.lowest_m[0],
+        )
+    }
+
+    /// What a word says of the slow zone, metres.
+    #[inline(always)]
+    fn slow_m<const FUSED: bool>(&self, word: u32, share_x: f32, share_y: f32) -> f32 {
+        fused::<FUSED>(self.quantum_m[1], unpacked::<FUSED>(word, share_x, share_y), self.lowest_m[1])
+    }
 }
 
 /// The sequences: clamp(incumbent + scale · draw), a step each.
@@ -128,7 +149,11 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
             for (step, held) in held.iter().enumerate() {
                 let at = step * n_lanes + first;
                 let draws = [&turn_draws[at..at + pass.n], &gain_draws[at..at + pass.n]];
-                pass.advance::<M, FUSED>(model, &ground, draws, *held, scale, limit);
+                pass.advance::<M, FUSED>(model, draws, *held, scale, limit);
+                if step == 0 {
+                    pass.begin(model, from.next_m);
+                    continue;
+                }
                 if !FULL {
                     let (n_alive, reads) = pass.room(ground.slope_m, floor_m);
                     if n_alive <= N_FEW {
@@ -139,6 +164,7 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
                         continue;
                     }
                 }
+                pass.place(&ground);
                 pass.load(&ground, n);
                 if pass.judge::<M, FUSED, FULL>(model, &ground, floor_m) != 0 {
                     pass.settle_ridges::<M, FUSED>(model, &ground, n);
@@ -204,12 +230,11 @@ impl Pass {
         }
     }
 
-    /// One step of every lane, and where each is then.
+    /// One step of every lane.
     #[inline(always)]
     fn advance<M: Model, const FUSED: bool>(
         &mut self,
         model: M,
-        ground: &Ground<'_>,
         draws: [&[f32]; 2],
         held: [f32; 2],
         scale: [f32; 2],
@@ -228,6 +253,19 @@ impl Pass {
             &mut self.bound_m,
             &mut self.moved,
         );
+    }
+
+    /// What the first step leaves, after which all lanes are at the same place.
+    #[inline(always)]
+    fn begin<M: Model>(&mut self, model: M, next_m: [f32; 2]) {
+        let (kept_m, room_m) = (&mut self.kept_m, &mut self.room_m);
+        begin_lanes(self.n.min(N), model, kept_m, room_m, &self.bound_m, &self.speed_m_s, next_m);
+    }
+
+    /// Where every lane is.
+    #[inline(always)]
+    fn place(&mut self, ground: &Ground<'_>) {
+        let n = self.n.min(N);
         place_lanes(n, ground, &mut self.share_x, &mut self.share_y, &mut self.cell_idx, &self.x, &self.y);
     }
 
@@ -278,7 +316,7 @@ impl Pass {
             &self.share_x,
             &self.share_y,
             &self.speed_m_s,
-            ground.quantum_m,
+            ground,
             floor_m,
         )
     }
@@ -287,13 +325,12 @@ impl Pass {
     #[inline(always)]
     fn settle_ridges<M: Model, const FUSED: bool>(&mut self, model: M, ground: &Ground<'_>, n: usize) {
         let Some(ridges) = ground.ridges else { return };
-        let [clear_quantum_m, _] = ground.quantum_m;
         for lane in (0..n.min(N)).filter(|lane| self.ridge[*lane] != 0) {
             let words = ridges.ridge_words_of(self.cell_idx[lane] as usize);
             let [first, second, others @ ..] = words else { continue };
             (self.clear[lane], self.second[lane]) = (*first, *second);
             let (x, y) = (self.share_x[lane], self.share_y[lane]);
-            let others_m = others.iter().map(|word| clear_quantum_m * unpacked::<FUSED>(*word, x, y));
+            let others_m = others.iter().map(|word| ground.clear_m::<FUSED>(*word, x, y));
             self.others_m[lane] = others_m.fold(f32::INFINITY, least);
         }
         settle_lanes::<M, FUSED>(
@@ -306,7 +343,7 @@ impl Pass {
             &self.share_x,
             &self.share_y,
             &self.speed_m_s,
-            ground.quantum_m,
+            ground,
         );
     }
 }
@@ -328,5 +365,5 @@ pub(crate) fn most(a: f32, b: f32) -> f32 {
 /// A word of two: what must be kept clear of, and the slow zone.
 #[inline(always)]
 pub(crate) fn paired(clear: u32, slow: u32) -> u64 {
-    u64::from(clear) | (u64::from(slow & !RIDGE) << 32)
+    u64::from(clear) | (u64::from(slow) << 32)
 }
