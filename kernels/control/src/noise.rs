@@ -112,7 +112,7 @@ impl Noise {
     }
 
     /// One draw of a round, drawn before.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pair(&self, round: usize, step: usize, sample: usize) -> (f64, f64) {
         let at = round * self.n_round() + step * self.n_lanes() + sample;
         (f64::from(self.first[at]), f64::from(self.second[at]))

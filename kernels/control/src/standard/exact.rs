@@ -104,7 +104,7 @@ fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
 }
 
 /// Rollouts that are followed side by side.
-pub(super) const N_TOGETHER: usize = 64;
+pub(super) const N_TOGETHER: usize = 32;
 /// They are counted in whole vectors of so many.
 const N_VECTOR: usize = 8;
 

@@ -96,7 +96,12 @@ impl Work for Steepest<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> Steps {
         let Steepest { n_cols, least_m } = self;
-        let mut largest = [0_i32; 5];
+        let (mut largest, mut deepest) = ([0_i32; 4], 0_i32);
+        // Of numbers that are not negative the bits are in order.
+        let size = |value: f32| value.abs().to_bits() as i32;
+        for margin_m in least_m {
+            deepest = deepest.max(size(if *margin_m < 0.0 { *margin_m } else { 0.0 }));
+        }
         for row in 0..least_m.len() / n_cols - 1 {
             let (lower, upper) = least_m[row * n_cols..(row + 2) * n_cols].split_at(n_cols);
             let n = n_cols - 1;
@@ -105,19 +110,14 @@ impl Work for Steepest<'_> {
                 let (x, last_x) = (b[col] - a[col], d[col] - c[col]);
                 let (y, last_y) = (c[col] - a[col], d[col] - b[col]);
                 let (up, down) = (d[col] - a[col], c[col] - b[col]);
-                let depth = if a[col] < 0.0 { -a[col] } else { 0.0 };
-                // Of numbers that are not negative the bits are in order.
-                let size = |value: f32| value.abs().to_bits() as i32;
                 largest[0] = largest[0].max(size(x)).max(size(last_x));
                 largest[1] = largest[1].max(size(y)).max(size(last_y));
                 largest[2] = largest[2].max(size(up)).max(size(down));
                 largest[3] = largest[3].max(size(last_y - y));
-                largest[4] = largest[4].max(size(depth));
             }
         }
-        // The last row and column are corners of cells too: a step deeper covers them.
-        let [x_m, y_m, across_m, twist_m, depth_m] = largest.map(|bits| f32::from_bits(bits as u32));
-        Steps { x_m, y_m, across_m, twist_m, depth_m: depth_m + across_m.max(x_m).max(y_m) }
+        let [x_m, y_m, across_m, twist_m] = largest.map(|bits| f32::from_bits(bits as u32));
+        Steps { x_m, y_m, across_m, twist_m, depth_m: f32::from_bits(deepest as u32) }
     }
 }
 
