@@ -210,3 +210,33 @@ impl Work for Pack<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::packed::{MARKED_BASE_MAX, unpacked};
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn within_what_matters_a_word_says_at_most_the_margin_and_less_than_a_quantum_less(
+            corner in -4.0..4.0_f32, x in -0.1..0.1_f32, y in -0.1..0.1_f32, twist in -0.1..0.1_f32,
+            deepest in 0.1..3.0_f32, share_x in 0.0..=1.0_f32, share_y in 0.0..=1.0_f32,
+        ) {
+            let reach = Reach { low_m: -1.1, high_m: 1.0, base_max: MARKED_BASE_MAX };
+            let corners = [corner, corner + x, corner + y, corner + x + y + twist];
+            let mut steps = Steps { x_m: 0.1, y_m: 0.1, across_m: 0.1, twist_m: 0.0, depth_m: deepest };
+            steps.note(&corners);
+            steps.depth_m = corners.iter().fold(deepest, |depth_m, corner| depth_m.max(-corner));
+            let scale = Scale::of(&steps, reach);
+            let word = scale.word(corners.map(|corner| scale.quanta_of(corner)));
+            let found = scale.quantum_m * unpacked::<false>(word, share_x, share_y) + scale.lowest_m;
+            let lower = corners[0] + share_x * (corners[1] - corners[0]);
+            let upper = corners[2] + share_x * (corners[3] - corners[2]);
+            let exact = (lower + share_y * (upper - lower)).max(reach.low_m);
+            prop_assert!(found <= exact + 1e-5, "{found} {exact}");
+            let less = exact.min(reach.high_m) - scale.quantum_m - 2e-5;
+            prop_assert!(found > less || exact <= reach.low_m, "{found} {exact}");
+        }
+    }
+}
