@@ -20,7 +20,7 @@ pub(crate) fn at(key: u64, place: u32) -> (f32, f32) {
 }
 
 /// Fills `first` and `second` with independent standard normal draws, those of the places from `from` on: of each
-/// `n_apart` places the first `n`, what lies between is left as it is.
+/// `n_apart` places the first `n`, what lies between belongs to none.
 pub(crate) fn fill(
     isa: Isa,
     key: u64,
@@ -49,7 +49,10 @@ impl Work for Fill<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Fill { n_vector, key, from, n, n_apart, first, second } = self;
-        let (n_apart, n_whole) = (n_apart.max(1), n / n_vector * n_vector);
+        let n_apart = n_apart.max(1);
+        // A single row is filled up to whole vectors.
+        let is_single = first.len() <= n_apart;
+        let n_whole = if is_single { n.next_multiple_of(n_vector) } else { n / n_vector * n_vector };
         for (row, (first, second)) in first.chunks_mut(n_apart).zip(second.chunks_mut(n_apart)).enumerate() {
             let from = from.wrapping_add((row * n_apart) as u32);
             let n = n_whole.min(first.len()).min(second.len());
