@@ -82,17 +82,21 @@ impl Noise {
 
     /// Sees to it that the first `n_steps` of a round are drawn.
     fn draw_steps(&mut self, round: usize, n_steps: usize) {
-        // Whole vectors; the rest of a step's room belongs to no sample.
-        let (n_lanes, n) = (self.n_lanes(), self.n_samples.next_multiple_of(self.isa.n_floats()));
-        for step in self.n_drawn[round]..n_steps {
-            let from = round * self.n_round() + step * n_lanes;
-            let (first, second) = (&mut self.first[from..from + n], &mut self.second[from..from + n]);
-            normal::fill(self.isa, self.key, from as u32, first, second);
-            if self.keeps_incumbent && n > 0 {
-                (first[0], second[0]) = (0.0, 0.0);
-            }
-            self.n_drawn[round] = step + 1;
+        let (n_lanes, n_drawn) = (self.n_lanes(), self.n_drawn[round]);
+        if n_drawn >= n_steps || self.n_samples == 0 {
+            return;
         }
+        let from = round * self.n_round();
+        let range = from + n_drawn * n_lanes..from + n_steps * n_lanes;
+        let (first, second) = (&mut self.first[range.clone()], &mut self.second[range.clone()]);
+        // The rest of a step's room belongs to no sample.
+        let rows = (self.n_samples, n_lanes);
+        normal::fill(self.isa, self.key, range.start as u32, rows, [&mut *first, &mut *second]);
+        if self.keeps_incumbent {
+            let incumbents = first.iter_mut().step_by(n_lanes).zip(second.iter_mut().step_by(n_lanes));
+            incumbents.for_each(|(first, second)| (*first, *second) = (0.0, 0.0));
+        }
+        self.n_drawn[round] = n_steps;
     }
 
     /// The draws of one round, step by step.
@@ -108,7 +112,7 @@ impl Noise {
     }
 
     /// One draw of a round, drawn before.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pair(&self, round: usize, step: usize, sample: usize) -> (f64, f64) {
         let at = round * self.n_round() + step * self.n_lanes() + sample;
         (f64::from(self.first[at]), f64::from(self.second[at]))

@@ -7,11 +7,11 @@
 //! there are. Done when maps change, not at every tick.
 
 use super::isa::Isa;
-use super::packed::{AXIS_MAX, BASE_MAX, DIAGONAL_MAX, RIDGE, packed};
+use super::packed::RIDGE;
 
 mod loops;
 
-use loops::{Pack, Quantise, Smallest, Steepest, quanta_of};
+use loops::{Pack, Quantise, Scale, Smallest, Steepest, Steps};
 
 /// One layer of a merge: values at the lattice's points, row-major, and what is subtracted from them.
 #[derive(Clone, Copy, Debug)]
@@ -22,12 +22,23 @@ pub(crate) struct MergeLayer<'a> {
     pub keep_m: f32,
 }
 
+/// What of the margins matters, and how much room words have for their first corners.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    /// Below this, and above `high_m`, it is all one how far, metres.
+    pub low_m: f32,
+    /// See `low_m`.
+    pub high_m: f32,
+    /// Quanta.
+    pub base_max: i32,
+}
+
 /// Finest quantum, metres: finer would only shorten the range.
 const QUANTUM_M_MIN: f32 = 0.001;
 /// A margin is lowered by this before it is rounded down, metres: what rounding to f32 may have added.
 const SLACK_M: f32 = 2e-6;
 /// Crossing layers that differ by no more than this at every corner make no ridge, metres.
-const GAP_M: f32 = 0.0005;
+const GAP_M: f32 = 0.0001;
 /// In `owners`, marks where the layers of a ridge begin.
 const RIDGE_OWNER: u32 = 1 << 31;
 
@@ -40,6 +51,8 @@ pub(crate) struct Merged {
     pub n_rows: usize,
     /// Size of a quantum, metres.
     pub quantum_m: f32,
+    /// What words count quanta from, metres.
+    pub lowest_m: f32,
     /// The most that the margin changes over the length of a cell side, metres: its true Lipschitz constant.
     pub slope_m: f32,
     /// For each cell the layer that is smallest in it, or where its layers begin in `ridge_layers`.
@@ -57,6 +70,7 @@ impl Merged {
         isa: Isa,
         (n_cols, n_rows): (usize, usize),
         layers: &[MergeLayer<'_>],
+        reach: Reach,
         mut write: impl FnMut(usize, u32),
     ) -> Merged {
         debug_assert!(n_cols >= 2 && n_rows >= 2 && !layers.is_empty() && layers.len() <= 65_535);
@@ -79,33 +93,29 @@ impl Merged {
                 merged.find_ridges(row, layers, &row_least_m, &least_m, &mut found);
             }
         }
-        let [x_m, y_m, diagonal_m, deepest_m] = steepest;
-        merged.slope_m = x_m.hypot(y_m);
-        merged.quantum_m = (x_m.max(y_m) / AXIS_MAX)
-            .max(diagonal_m / DIAGONAL_MAX)
-            .max(deepest_m / (BASE_MAX - 2) as f32)
-            .max(QUANTUM_M_MIN);
+        let scale = Scale::of(&steepest, reach);
+        merged.slope_m = steepest.x_m.hypot(steepest.y_m);
+        (merged.quantum_m, merged.lowest_m) = (scale.quantum_m, scale.lowest_m);
         let mut quanta = vec![0_i32; n];
-        let quantum_m = merged.quantum_m;
-        isa.run(Quantise { least_m: &least_m, quantum_m, quanta: &mut quanta });
+        isa.run(Quantise { least_m: &least_m, scale, quanta: &mut quanta });
         let mut words = vec![0_u32; n_cols - 1];
         for (row, quanta) in (0..n_rows - 1).map(|row| (row, &quanta[row * n_cols..(row + 2) * n_cols])) {
-            isa.run(Pack { quanta, words: &mut words });
+            isa.run(Pack { quanta, scale, words: &mut words });
             for (col, word) in words.iter().enumerate() {
                 write(row * n_cols + col, *word);
             }
         }
         for cell_idx in marked {
             let [a, b, c, d] = [0, 1, n_cols, n_cols + 1].map(|at| quanta[cell_idx + at]);
-            write(cell_idx, packed([a, b, c, d], true));
+            write(cell_idx, scale.word([a, b, c, d]) | RIDGE);
         }
         let mut ridge_words = Vec::with_capacity(merged.ridge_layers.len());
         for (cell_idx, to) in ridge_cells {
             while ridge_words.len() < to {
                 let layer = layers[usize::from(merged.ridge_layers[ridge_words.len()])];
                 let corners_m = first_corners_of(layer, n_cols, cell_idx);
-                let is_last = ridge_words.len() + 1 == to;
-                ridge_words.push(packed(corners_m.map(|margin_m| quanta_of(margin_m, quantum_m)), is_last));
+                let last = if ridge_words.len() + 1 == to { RIDGE } else { 0 };
+                ridge_words.push(scale.word(corners_m.map(|margin_m| scale.quanta_of(margin_m))) | last);
             }
         }
         Merged { ridge_words, ..merged }
@@ -152,7 +162,7 @@ impl Merged {
             let mut gap_m = widest(&first, &least);
             self.owners[cell_idx] = RIDGE_OWNER | self.ridge_layers.len() as u32;
             self.ridge_layers.push(owner as u16);
-            note_slope(&first, found.steepest);
+            found.steepest.note(&first);
             for idx in &matter {
                 let here = first_corners_of(layers[*idx], n_cols, cell_idx);
                 let is_smaller = (0..4).fold(false, |any, k| any | (here[k] < first[k]));
@@ -160,7 +170,7 @@ impl Merged {
                     continue;
                 }
                 gap_m = gap_m.min(widest(&here, &least));
-                note_slope(&here, found.steepest);
+                found.steepest.note(&here);
                 self.ridge_layers.push(*idx as u16);
             }
             found.cells.push((cell_idx, self.ridge_layers.len()));
@@ -228,7 +238,7 @@ impl Merged {
 
 /// What is found along with the ridges: slopes, the cells to mark, the cells of all and where their layers end.
 struct Ridges<'a> {
-    steepest: &'a mut [f32; 4],
+    steepest: &'a mut Steps,
     marked: &'a mut Vec<usize>,
     cells: &'a mut Vec<(usize, usize)>,
 }
@@ -246,9 +256,4 @@ fn first_corners_of(layer: MergeLayer<'_>, n_cols: usize, cell_idx: usize) -> [f
 
 fn widest(of: &[f32; 4], above: &[f32; 4]) -> f32 {
     (0..4).map(|k| of[k] - above[k]).fold(0.0, f32::max)
-}
-
-fn note_slope([a, b, c, d]: &[f32; 4], steepest: &mut [f32; 4]) {
-    steepest[0] = steepest[0].max((b - a).abs()).max((d - c).abs());
-    steepest[1] = steepest[1].max((c - a).abs()).max((d - b).abs());
 }

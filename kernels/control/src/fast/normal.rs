@@ -19,26 +19,67 @@ pub(crate) fn at(key: u64, place: u32) -> (f32, f32) {
     drawn(key, place)
 }
 
-/// Fills `first` and `second` with independent standard normal draws, those of the places from `from` on.
-pub(crate) fn fill(isa: Isa, key: u64, from: u32, first: &mut [f32], second: &mut [f32]) {
-    isa.run(Fill { key, from, first, second });
+/// Fills `first` and `second` with independent standard normal draws, those of the places from `from` on: of each
+/// `n_apart` places the first `n`, what lies between belongs to none.
+pub(crate) fn fill(
+    isa: Isa,
+    key: u64,
+    from: u32,
+    (n, n_apart): (usize, usize),
+    [first, second]: [&mut [f32]; 2],
+) {
+    isa.run(Fill { n_vector: isa.n_floats(), key, from, n, n_apart, first, second });
 }
 
 struct Fill<'a> {
+    n_vector: usize,
     key: u64,
     from: u32,
+    n: usize,
+    n_apart: usize,
     first: &'a mut [f32],
     second: &'a mut [f32],
 }
+
+/// Draws made together where a row's last ones are no whole vector.
+const N_REST: usize = 64;
 
 impl Work for Fill<'_> {
     type Output = ();
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let n = self.first.len().min(self.second.len());
-        let (first, second) = (&mut self.first[..n], &mut self.second[..n]);
-        for place in 0..n {
-            (first[place], second[place]) = drawn(self.key, self.from.wrapping_add(place as u32));
+        let Fill { n_vector, key, from, n, n_apart, first, second } = self;
+        let n_apart = n_apart.max(1);
+        // A single row is filled up to whole vectors.
+        let is_single = first.len() <= n_apart;
+        let n_whole = if is_single { n.next_multiple_of(n_vector) } else { n / n_vector * n_vector };
+        for (row, (first, second)) in first.chunks_mut(n_apart).zip(second.chunks_mut(n_apart)).enumerate() {
+            let from = from.wrapping_add((row * n_apart) as u32);
+            let n = n_whole.min(first.len()).min(second.len());
+            let (first, second) = (&mut first[..n], &mut second[..n]);
+            for place in 0..n {
+                (first[place], second[place]) = drawn(key, from.wrapping_add(place as u32));
+            }
+        }
+        // The last ones of several rows are whole vectors together.
+        let n_places = first.len().min(second.len());
+        let mut rest = (0..n_places).step_by(n_apart).flat_map(|row| row + n_whole..(row + n).min(n_places));
+        loop {
+            let (mut places, mut n_rest) = ([0_u32; N_REST], 0_usize);
+            for (to, place) in places.iter_mut().zip(&mut rest) {
+                (*to, n_rest) = (place as u32, n_rest + 1);
+            }
+            if n_rest == 0 {
+                break;
+            }
+            let mut draws = [[0.0; N_REST]; 2];
+            let [first_draws, second_draws] = &mut draws;
+            for k in 0..n_rest.next_multiple_of(n_vector).min(N_REST) {
+                (first_draws[k], second_draws[k]) = drawn(key, from.wrapping_add(places[k]));
+            }
+            for (k, place) in places[..n_rest].iter().enumerate() {
+                (first[*place as usize], second[*place as usize]) = (draws[0][k], draws[1][k]);
+            }
         }
     }
 }
@@ -105,7 +146,7 @@ mod tests {
 
     fn many(isa: Isa, key: u64, n: usize) -> (Vec<f32>, Vec<f32>) {
         let (mut a, mut b) = (vec![0.0; n], vec![0.0; n]);
-        fill(isa, key, 0, &mut a, &mut b);
+        fill(isa, key, 0, (n, n), [&mut a, &mut b]);
         (a, b)
     }
 
@@ -140,6 +181,13 @@ mod tests {
         }
         let one_by_one: (Vec<f32>, Vec<f32>) = (0..1000).map(|place| at(key(3, 9), place)).unzip();
         assert_eq!(one_by_one, wanted);
+        for isa in Isa::available() {
+            let (mut a, mut b) = (vec![0.0; 1000], vec![0.0; 1000]);
+            fill(isa, key(3, 9), 0, (43, 50), [&mut a, &mut b]);
+            let is_drawn = |place: usize| place % 50 < 43;
+            assert!((0..1000).all(|k| a[k] == if is_drawn(k) { wanted.0[k] } else { 0.0 }), "{isa:?}");
+            assert!((0..1000).all(|k| b[k] == if is_drawn(k) { wanted.1[k] } else { 0.0 }), "{isa:?}");
+        }
         assert_ne!(many(Isa::detect(), key(3, 10), 1000), wanted);
         assert_ne!(many(Isa::detect(), key(4, 9), 1000), wanted);
     }

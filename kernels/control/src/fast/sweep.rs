@@ -5,13 +5,14 @@
 //! here too, from an incumbent and the draws of the tick, and never stored. How a robot moves and what a margin
 //! is worth is a [`Model`]'s business; the standard problem has the one there is.
 
-use super::isa::Work;
+use super::isa::{Work, fused};
 use super::merge::Merged;
 use super::packed::{RIDGE, unpacked};
 
 mod lanes;
+mod pass;
 
-use lanes::{judge_lanes, place_lanes, room_lanes, settle_lanes, step_lanes};
+use pass::Pass;
 
 /// Lanes of one pass.
 const N: usize = 64;
@@ -52,8 +53,10 @@ pub(crate) struct From {
     pub sin: f32,
     pub cos: f32,
     pub speed_m_s: f32,
-    /// What is kept already.
+    /// What is kept already, the place after the first step included: no control changes it.
     pub kept_m: f32,
+    /// The two margins at that place, of which what the slow zone is worth is still to be judged.
+    pub next_m: [f32; 2],
 }
 
 /// The grid of words under the lanes; the lower half of a word is the margin to what must be kept clear of, the
@@ -70,10 +73,29 @@ pub(crate) struct Ground<'a> {
     pub high: [f32; 2],
     /// The most that either margin changes over the length of a cell side, metres.
     pub slope_m: f32,
-    /// Quanta of the two margins, metres.
+    /// Quanta of the two margins, and what they are counted from, metres.
     pub quantum_m: [f32; 2],
+    pub lowest_m: [f32; 2],
     /// Who to ask where layers cross.
     pub ridges: Option<&'a Merged>,
+}
+
+impl Ground<'_> {
+    /// What a word says of what must be kept clear of, marked or not, metres.
+    #[inline(always)]
+    fn clear_m<const FUSED: bool>(&self, word: u32, share_x: f32, share_y: f32) -> f32 {
+        fused::<FUSED>(
+            self.quantum_m[0],
+            unpacked::<FUSED>(word & !RIDGE, share_x, share_y),
+            self.lowest_m[0],
+        )
+    }
+
+    /// What a word says of the slow zone, metres.
+    #[inline(always)]
+    fn slow_m<const FUSED: bool>(&self, word: u32, share_x: f32, share_y: f32) -> f32 {
+        fused::<FUSED>(self.quantum_m[1], unpacked::<FUSED>(word, share_x, share_y), self.lowest_m[1])
+    }
 }
 
 /// The sequences: clamp(incumbent + scale · draw), a step each.
@@ -128,7 +150,11 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
             for (step, held) in held.iter().enumerate() {
                 let at = step * n_lanes + first;
                 let draws = [&turn_draws[at..at + pass.n], &gain_draws[at..at + pass.n]];
-                pass.advance::<M, FUSED>(model, &ground, draws, *held, scale, limit);
+                pass.advance::<M, FUSED>(model, draws, *held, scale, limit);
+                if step == 0 {
+                    pass.begin(model, from.next_m);
+                    continue;
+                }
                 if !FULL {
                     let (n_alive, reads) = pass.room(ground.slope_m, floor_m);
                     if n_alive <= N_FEW {
@@ -139,6 +165,7 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
                         continue;
                     }
                 }
+                pass.place(&ground);
                 pass.load(&ground, n);
                 if pass.judge::<M, FUSED, FULL>(model, &ground, floor_m) != 0 {
                     pass.settle_ridges::<M, FUSED>(model, &ground, n);
@@ -152,164 +179,6 @@ impl<M: Model, const FULL: bool> Work for Sweep<'_, M, FULL> {
 
 /// So few lanes that matter are followed exactly in less time than a pass takes to its end.
 const N_FEW: u32 = 3;
-
-/// The lanes of one pass.
-struct Pass {
-    n: usize,
-    x: [f32; N],
-    y: [f32; N],
-    sin: [f32; N],
-    cos: [f32; N],
-    speed_m_s: [f32; N],
-    kept_m: [f32; N],
-    /// What the controls of this step leave.
-    bound_m: [f32; N],
-    /// Cells moved in this step.
-    moved: [f32; N],
-    /// Neither margin can be below this, metres.
-    room_m: [f32; N],
-    share_x: [f32; N],
-    share_y: [f32; N],
-    cell_idx: [i32; N],
-    clear: [u32; N],
-    slow: [u32; N],
-    ridge: [u32; N],
-    /// The second of the layers that cross, and the smallest of the others.
-    second: [u32; N],
-    others_m: [f32; N],
-}
-
-impl Pass {
-    #[inline(always)]
-    fn at(from: From, n: usize) -> Pass {
-        Pass {
-            n,
-            x: [from.x; N],
-            y: [from.y; N],
-            sin: [from.sin; N],
-            cos: [from.cos; N],
-            speed_m_s: [from.speed_m_s; N],
-            kept_m: [from.kept_m; N],
-            bound_m: [f32::INFINITY; N],
-            moved: [0.0; N],
-            room_m: [f32::NEG_INFINITY; N],
-            share_x: [0.0; N],
-            share_y: [0.0; N],
-            cell_idx: [0; N],
-            clear: [0; N],
-            slow: [0; N],
-            ridge: [0; N],
-            second: [0; N],
-            others_m: [f32::INFINITY; N],
-        }
-    }
-
-    /// One step of every lane, and where each is then.
-    #[inline(always)]
-    fn advance<M: Model, const FUSED: bool>(
-        &mut self,
-        model: M,
-        ground: &Ground<'_>,
-        draws: [&[f32]; 2],
-        held: [f32; 2],
-        scale: [f32; 2],
-        limit: [f32; 2],
-    ) {
-        let n = self.n.min(N);
-        step_lanes::<M, FUSED>(
-            n,
-            model,
-            (draws, held, scale, limit),
-            &mut self.x,
-            &mut self.y,
-            &mut self.sin,
-            &mut self.cos,
-            &mut self.speed_m_s,
-            &mut self.bound_m,
-            &mut self.moved,
-        );
-        place_lanes(n, ground, &mut self.share_x, &mut self.share_y, &mut self.cell_idx, &self.x, &self.y);
-    }
-
-    /// Lowers what lanes keep to what their controls leave; how many still keep more than the floor, and
-    /// whether any of these may be lowered by what the words say here (not 0).
-    #[inline(always)]
-    fn room(&mut self, slope_m: f32, floor_m: f32) -> (u32, u32) {
-        room_lanes(
-            self.n.min(N),
-            &mut self.room_m,
-            &mut self.kept_m,
-            &self.moved,
-            &self.bound_m,
-            slope_m,
-            floor_m,
-        )
-    }
-
-    /// Loads the words of every lane's cell.
-    #[inline(always)]
-    fn load(&mut self, ground: &Ground<'_>, n: usize) {
-        let words = ground.words;
-        let last = words.len() - 1;
-        for lane in 0..n.min(N) {
-            // Nothing is read beyond the grid, whatever is not a number.
-            let word = words[self.cell_idx[lane] as usize & last];
-            self.clear[lane] = word as u32;
-            self.slow[lane] = (word >> 32) as u32;
-        }
-    }
-
-    /// Lowers what lanes keep by the margins at their places; not 0 when some lie on a ridge that matters.
-    #[inline(always)]
-    fn judge<M: Model, const FUSED: bool, const FULL: bool>(
-        &mut self,
-        model: M,
-        ground: &Ground<'_>,
-        floor_m: f32,
-    ) -> u32 {
-        judge_lanes::<M, FUSED, FULL>(
-            self.n.min(N),
-            model,
-            &mut self.kept_m,
-            &mut self.room_m,
-            &mut self.ridge,
-            (&self.bound_m, &self.moved),
-            (&self.clear, &self.slow),
-            &self.share_x,
-            &self.share_y,
-            &self.speed_m_s,
-            ground.quantum_m,
-            floor_m,
-        )
-    }
-
-    /// Where layers cross, the word is a lower bound only: those lanes ask the layers, of which there are mostly two.
-    #[inline(always)]
-    fn settle_ridges<M: Model, const FUSED: bool>(&mut self, model: M, ground: &Ground<'_>, n: usize) {
-        let Some(ridges) = ground.ridges else { return };
-        let [clear_quantum_m, _] = ground.quantum_m;
-        for lane in (0..n.min(N)).filter(|lane| self.ridge[*lane] != 0) {
-            let words = ridges.ridge_words_of(self.cell_idx[lane] as usize);
-            let [first, second, others @ ..] = words else { continue };
-            (self.clear[lane], self.second[lane]) = (*first, *second);
-            let (x, y) = (self.share_x[lane], self.share_y[lane]);
-            let others_m = others.iter().map(|word| clear_quantum_m * unpacked::<FUSED>(*word, x, y));
-            self.others_m[lane] = others_m.fold(f32::INFINITY, least);
-        }
-        settle_lanes::<M, FUSED>(
-            self.n.min(N),
-            model,
-            &mut self.kept_m,
-            &mut self.room_m,
-            &self.ridge,
-            ([&self.clear, &self.second], &self.others_m, &self.slow),
-            &self.share_x,
-            &self.share_y,
-            &self.speed_m_s,
-            ground.quantum_m,
-        );
-    }
-}
 
 // As comparisons, not `f32::min`: one instruction each where NaN is not asked about.
 
@@ -328,5 +197,5 @@ pub(crate) fn most(a: f32, b: f32) -> f32 {
 /// A word of two: what must be kept clear of, and the slow zone.
 #[inline(always)]
 pub(crate) fn paired(clear: u32, slow: u32) -> u64 {
-    u64::from(clear) | (u64::from(slow & !RIDGE) << 32)
+    u64::from(clear) | (u64::from(slow) << 32)
 }

@@ -19,35 +19,47 @@ pub(crate) struct Start {
     pub pose: Pose,
     pub sin: f64,
     pub cos: f64,
+    /// The margins at the place after the first step, to what must be kept clear of and to the slow zone, metres: no
+    /// control changes it.
+    pub next_m: [f64; 2],
 }
 
 impl Start {
-    pub(crate) fn at(pose: Pose) -> Start {
-        let (sin, cos) = pose[2].sin_cos();
-        Start { pose, sin, cos }
+    pub(crate) fn at(field: &Field<'_>, pose: Pose) -> Start {
+        let [x, y, yaw, v] = pose;
+        let (sin, cos) = yaw.sin_cos();
+        let (cell_idx, place) = field.cell(x + v * cos * STEP_S, y + v * sin * STEP_S);
+        Start { pose, sin, cos, next_m: [field.clear_m(cell_idx, place), field.slow_m(cell_idx, place)] }
+    }
+
+    /// The margins at the next place and what they may fall by until there, `fall` a metre: as if they had been
+    /// read before the first step.
+    #[inline]
+    fn before_first(&self, fall: f64) -> [f64; 2] {
+        self.next_m.map(|next_m| next_m + fallen(fall, self.pose[3]))
     }
 }
 
-/// The smallest margin along a rollout from `start`, at most `cap` (the margin there); `None` once it is known
-/// to be below `floor`.
+/// The smallest margin along a rollout from `start`, which is at most `most_m`; `None` once it is known to be
+/// below `floor`.
 ///
 /// Fields are read only where they can lower it: margins cannot fall faster than their true Lipschitz
 /// constant lets them.
 pub(crate) fn kept(
     field: &Field<'_>,
     start: &Start,
-    cap: f64,
+    most_m: f64,
     controls: impl Iterator<Item = [f64; 2]>,
     floor: f64,
 ) -> Option<f64> {
-    let Start { pose: [mut x, mut y, _, mut v], mut sin, mut cos } = *start;
-    let slope = f64::from(field.slope_m()) / CELL_M;
-    let mut kept = cap;
-    let (mut clear, mut slow) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+    let Start { pose: [mut x, mut y, _, mut v], mut sin, mut cos, .. } = *start;
+    let fall = f64::from(field.slope_m()) / CELL_M;
+    let mut kept = most_m;
+    let [mut clear, mut slow] = start.before_first(fall);
     for [rate, accel] in controls {
         x += v * cos * STEP_S;
         y += v * sin * STEP_S;
-        let fallen = slope * v * STEP_S + 1e-9;
+        let fallen = fallen(fall, v);
         (sin, cos) = turned((sin, cos), rate * STEP_S);
         v = held_within(v + accel * STEP_S, 0.0, SPEED_M_S_MAX);
         (clear, slow) = (clear - fallen, slow - fallen);
@@ -71,6 +83,12 @@ pub(crate) fn kept(
     Some(kept)
 }
 
+/// The most that margins fall in a step at a speed, `fall` a metre.
+#[inline(always)]
+fn fallen(fall: f64, v: f64) -> f64 {
+    fall * v * STEP_S + 1e-9
+}
+
 /// A heading's sine and cosine after a turn of at most 0.05 rad: Taylor, error below 1e-16.
 #[inline(always)]
 fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
@@ -86,7 +104,7 @@ fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
 }
 
 /// Rollouts that are followed side by side.
-pub(super) const N_TOGETHER: usize = 64;
+pub(super) const N_TOGETHER: usize = 32;
 /// They are counted in whole vectors of so many.
 const N_VECTOR: usize = 8;
 
@@ -110,14 +128,17 @@ pub(super) struct Together {
 }
 
 impl Together {
-    /// The first `n` of them.
-    pub(super) fn at(start: &Start, cap: f64, n: usize) -> Together {
-        let Start { pose: [x, y, _, v], sin, cos } = *start;
+    /// As many as there are values that they keep at most.
+    pub(super) fn at(field: &Field<'_>, start: &Start, most_m: impl Iterator<Item = f64>) -> Together {
+        let Start { pose: [x, y, _, v], sin, cos, .. } = *start;
         let all = |value: f64| [value; N_TOGETHER];
-        let (clear, slow) = (all(f64::NEG_INFINITY), all(f64::NEG_INFINITY));
+        let [clear, slow] = start.before_first(f64::from(field.slope_m()) / CELL_M).map(all);
         let (x, y, sin, cos, v) = (all(x), all(y), all(sin), all(cos), all(v));
-        let n = n.min(N_TOGETHER);
-        Together { n, x, y, sin, cos, v, clear, slow, rate: all(0.0), accel: all(0.0), kept: all(cap) }
+        let (mut n, mut kept) = (0, all(f64::NEG_INFINITY));
+        for (to, most_m) in kept.iter_mut().zip(most_m) {
+            (*to, n) = (most_m, n + 1);
+        }
+        Together { n, x, y, sin, cos, v, clear, slow, rate: all(0.0), accel: all(0.0), kept }
     }
 
     /// One step of every rollout, and what its controls alone leave.
@@ -204,7 +225,7 @@ fn step_lanes(
         let from = v[lane];
         x[lane] += from * cos[lane] * STEP_S;
         y[lane] += from * sin[lane] * STEP_S;
-        let fallen = fall * from * STEP_S + 1e-9;
+        let fallen = fallen(fall, from);
         (sin[lane], cos[lane]) = turned((sin[lane], cos[lane]), rate * STEP_S);
         let to = held_within(from + accel * STEP_S, 0.0, SPEED_M_S_MAX);
         v[lane] = to;

@@ -1,11 +1,16 @@
 //! The fields of a standard problem, merged and packed: what must be kept clear of, and the slow zone.
 
 use super::oracle::Pose;
-use super::{BUFFER_M, CELL_M, RADIUS_M, SLOW_BUFFER_M, SLOW_LAYER, SLOW_SPEED_M_S, Scene};
+use super::*;
 use crate::fast::Isa;
-use crate::fast::merge::{MergeLayer, Merged};
-use crate::fast::packed::packed;
+use crate::fast::merge::{MergeLayer, Merged, Reach};
+use crate::fast::packed::{BASE_MAX, MARKED_BASE_MAX, packed};
 use crate::fast::sweep::{Ground, paired};
+
+/// Nobody keeps more than this, metres: a turn rate of nothing leaves as much.
+const KEPT_M_MAX: f32 = YAW_RATE_RAD_S_LIMIT as f32;
+/// Nobody is so fast that a margin to the slow zone below this matters, metres.
+const SLOW_M_MIN: f32 = (SLOW_SPEED_M_S - SPEED_M_S_MAX) as f32;
 
 /// The merged fields; each cell's two words are one, so that one load brings both.
 #[derive(Debug)]
@@ -32,15 +37,17 @@ impl<'s> Field<'s> {
             }
         }
         let mut words = vec![0; (n_side * n_side).next_power_of_two()];
-        let clear =
-            Merged::of(isa, (n_side, n_side), &clear_layers, |idx, word| words[idx] = paired(word, 0));
+        let reach = Reach { low_m: f32::NEG_INFINITY, high_m: KEPT_M_MAX, base_max: MARKED_BASE_MAX };
+        let shape = (n_side, n_side);
+        let clear = Merged::of(isa, shape, &clear_layers, reach, |idx, word| words[idx] = paired(word, 0));
         let slow = if slow_layers.is_empty() {
             // Without a slow zone everywhere is far from it.
-            let far = paired(0, packed([crate::fast::packed::BASE_MAX; 4], false));
+            let far = paired(0, packed([BASE_MAX; 4]));
             words.iter_mut().for_each(|word| *word |= far);
             Merged::nothing()
         } else {
-            Merged::of(isa, (n_side, n_side), &slow_layers, |idx, word| words[idx] |= paired(0, word))
+            let reach = Reach { low_m: SLOW_M_MIN, base_max: BASE_MAX, ..reach };
+            Merged::of(isa, shape, &slow_layers, reach, |idx, word| words[idx] |= paired(0, word))
         };
         Field { n_side, words, clear_layers, slow_layers, clear, slow }
     }
@@ -59,6 +66,7 @@ impl<'s> Field<'s> {
             high: [(high - col) as f32, (high - row) as f32],
             slope_m: self.clear.slope_m.max(self.slow.slope_m),
             quantum_m: [self.clear.quantum_m, self.slow.quantum_m],
+            lowest_m: [self.clear.lowest_m, self.slow.lowest_m],
             ridges: Some(&self.clear),
         };
         (ground, [(x - col) as f32, (y - row) as f32])

@@ -2,16 +2,19 @@
 //!
 //! Not here: which states are scored, and which primitive is chosen (`runner`).
 
-use super::exact::{Controls, Start, kept, perturbed};
+use super::exact::{Start, kept, perturbed};
 use super::field::Field;
 use super::model::{Euler, GAIN_MAX, ROUNDING_M, TURN_MAX};
 use super::oracle::Pose;
 use super::*;
 use crate::fast::Isa;
-use crate::fast::sweep::{From, Sampled, Sweep, most, padded};
+use crate::fast::sweep::{From, Sampled, Sweep};
 use crate::noise::Noise;
 
+mod open;
 mod settle;
+
+pub(crate) use open::Open;
 
 /// No value at all.
 pub(crate) const NONE: f64 = f64::NEG_INFINITY;
@@ -26,91 +29,6 @@ pub(crate) struct Goal {
     /// Whether a score between the two is wanted to the last bit; else only on which side of `enough` it is.
     pub is_exact: bool,
 }
-
-/// The score of one state under work: its bounds, and what is left to settle.
-#[derive(Debug)]
-pub(crate) struct Open {
-    pub low: f64,
-    pub high: f64,
-    pub start: Start,
-    /// Whether more than the most that any sample can keep is known.
-    pub is_begun: bool,
-    cap: f64,
-    /// What the incumbent keeps, where that is known exactly; in the last round what the best known sample does.
-    exact: f64,
-    incumbent: Controls,
-    kept_m: Vec<f32>,
-    /// Samples of the last round that can be the best and are not settled.
-    lanes: Vec<u32>,
-}
-
-impl Open {
-    fn new(sampling: Sampling) -> Open {
-        let n_lanes = padded(sampling.n_samples);
-        Open {
-            low: NONE,
-            high: NONE,
-            start: Start::at([0.0; 4]),
-            is_begun: false,
-            cap: NONE,
-            exact: NONE,
-            incumbent: vec![[0.0; 2]; sampling.n_steps],
-            kept_m: vec![0.0; n_lanes],
-            lanes: Vec::with_capacity(n_lanes),
-        }
-    }
-
-    fn begin(&mut self, start: Start, cap: f64) {
-        (self.start, self.cap, self.is_begun) = (start, cap, false);
-        (self.low, self.high, self.exact) = (NONE, cap, NONE);
-        self.incumbent.fill([0.0, -ACCEL_M_S2_MAX]);
-        self.lanes.clear();
-    }
-
-    fn know(&mut self, exact: f64) {
-        (self.low, self.high, self.exact) = (exact, exact, exact);
-        self.lanes.clear();
-    }
-
-    /// The largest of what samples were found to keep, as far as they were followed.
-    fn most_m(&self, n_samples: usize) -> f32 {
-        let (blocks, rest) = self.open_m(n_samples).as_chunks::<N_BLOCK>();
-        let mut most_m = [f32::NEG_INFINITY; N_BLOCK];
-        for block in blocks {
-            for (most_m, kept_m) in most_m.iter_mut().zip(block) {
-                *most_m = most(*kept_m, *most_m);
-            }
-        }
-        most_m.iter().chain(rest).copied().fold(f32::NEG_INFINITY, most)
-    }
-
-    /// Picks the samples that may keep at least `floor`; not the incumbent when it is known already.
-    fn pick(&mut self, n_samples: usize, floor: f64, error_m: f32) {
-        let floor = (floor as f32 - error_m).next_down();
-        let mut lanes = std::mem::take(&mut self.lanes);
-        lanes.resize(n_samples, 0);
-        // Written whether picked or not, without a branch; who is not picked is written over.
-        let mut n = 0;
-        for (lane, kept_m) in (self.first_open() as u32..).zip(self.open_m(n_samples)) {
-            lanes[n] = lane;
-            n += usize::from(*kept_m > floor);
-        }
-        lanes.truncate(n);
-        self.lanes = lanes;
-    }
-
-    /// The first sample that is not known exactly.
-    fn first_open(&self) -> usize {
-        usize::from(self.exact > NONE)
-    }
-
-    fn open_m(&self, n_samples: usize) -> &[f32] {
-        &self.kept_m[self.first_open()..n_samples]
-    }
-}
-
-/// Samples looked at side by side.
-const N_BLOCK: usize = 8;
 
 /// What scores are computed with.
 #[derive(Debug)]
@@ -157,7 +75,7 @@ impl<'s> Scorer<'s> {
     ///
     /// `FULL` finishes every rollout. Otherwise rollouts end where they cannot matter.
     pub(crate) fn bound<const FULL: bool>(&mut self, open: &mut Open, pose: Pose, goal: Goal) {
-        let start = Start::at(pose);
+        let start = Start::at(&self.field, pose);
         let cap = self.most(&start);
         open.begin(start, cap);
         if !FULL && (cap < goal.rival || (!goal.is_exact && cap < goal.enough)) {
@@ -165,8 +83,7 @@ impl<'s> Scorer<'s> {
         }
         open.is_begun = true;
         if !FULL {
-            let braking = open.incumbent.iter().copied();
-            open.know(kept(&self.field, &start, cap, braking, NONE).unwrap_or(NONE));
+            open.know(self.kept((&open.incumbent, &start), None, cap, NONE).unwrap_or(NONE));
         }
         for round in 0..self.sampling.n_rounds {
             // No sample keeps more than the margin at the start.
@@ -192,8 +109,7 @@ impl<'s> Scorer<'s> {
             open.know(open.exact);
         } else {
             // The last rounds found nothing better than an incumbent that was never computed exactly.
-            let incumbent = open.incumbent.iter().copied();
-            open.know(kept(&self.field, &open.start, open.cap, incumbent, NONE).unwrap_or(NONE));
+            open.know(self.kept((&open.incumbent, &open.start), None, open.cap, NONE).unwrap_or(NONE));
         }
     }
 
@@ -216,7 +132,7 @@ impl<'s> Scorer<'s> {
         let n_samples = self.sampling.n_samples;
         let most_m = f64::from(open.most_m(n_samples));
         let reach = if is_complete { most_m - f64::from(ROUNDING_M) } else { NONE };
-        open.pick(n_samples, floor.max(reach), self.error_m);
+        open.pick(self.isa, n_samples, floor.max(reach), self.error_m);
         let cap = open.cap;
         let low = if open.lanes.is_empty() { best } else { reach.min(cap).max(best) };
         let high = (most_m + f64::from(self.error_m)).min(cap).max(best).max(rival.next_down());
@@ -245,10 +161,26 @@ impl<'s> Scorer<'s> {
     /// What the sample keeps that was the best of this round in the last score, when it is better than what is
     /// known.
     fn try_hint(&self, open: &Open, round: usize, sample: usize) -> Option<(f64, usize)> {
-        let controls = open.incumbent.iter().enumerate();
-        let controls = controls.map(|(step, held)| perturbed(*held, self.noise.pair(round, step, sample)));
-        let value = kept(&self.field, &open.start, open.cap, controls, open.low.next_up())?;
+        let from = (open.incumbent.as_slice(), &open.start);
+        let value = self.kept(from, Some((round, sample)), open.cap, open.low.next_up())?;
         Some((value, sample))
+    }
+
+    /// What an incumbent or a sample of a round around it keeps, which is at most `most_m`; `None` when that is below
+    /// `floor`.
+    fn kept(
+        &self,
+        (incumbent, start): (&[[f64; 2]], &Start),
+        sample: Option<(usize, usize)>,
+        most_m: f64,
+        floor: f64,
+    ) -> Option<f64> {
+        let Some((round, sample)) = sample else {
+            return kept(&self.field, start, most_m, incumbent.iter().copied(), floor);
+        };
+        let draws = |step: usize| self.noise.pair(round, step, sample);
+        let controls = incumbent.iter().enumerate().map(|(step, held)| perturbed(*held, draws(step)));
+        kept(&self.field, start, most_m, controls, floor)
     }
 
     /// Sweeps all samples of a round; whether all were followed as far as they matter. The rest was few, and
@@ -263,10 +195,18 @@ impl<'s> Scorer<'s> {
         for (to, [rate, accel]) in self.held.iter_mut().zip(&open.incumbent) {
             *to = [(*rate * STEP_S) as f32, (*accel * STEP_S) as f32];
         }
-        let Start { pose, sin, cos } = open.start;
+        let Start { pose, sin, cos, next_m } = open.start;
         let (ground, [x, y]) = self.field.ground(pose);
-        let from =
-            From { x, y, sin: sin as f32, cos: cos as f32, speed_m_s: pose[3] as f32, kept_m: f32::INFINITY };
+        let from = From {
+            x,
+            y,
+            sin: sin as f32,
+            cos: cos as f32,
+            speed_m_s: pose[3] as f32,
+            // So much above it that who keeps all of it is seen to.
+            kept_m: open.cap as f32 + 3.0 * ROUNDING_M,
+            next_m: next_m.map(|next_m| next_m as f32),
+        };
         let sampled = Sampled {
             held: &self.held,
             draws: self.noise.round(round),
@@ -297,10 +237,10 @@ impl<'s> Scorer<'s> {
 
     /// The most that any sample can keep: the margin at the start, and that of the next place, which no control
     /// changes; there the robot is at least as fast as after full braking.
-    fn most(&self, Start { pose: [x, y, _, v], sin, cos }: &Start) -> f64 {
+    fn most(&self, Start { pose: [x, y, _, v], next_m: [clear, slow], .. }: &Start) -> f64 {
         let here = self.field.margin_m(*x, *y, *v);
         let braked = (v - ACCEL_M_S2_MAX * STEP_S).clamp(0.0, SPEED_M_S_MAX);
-        let next = self.field.margin_m(x + v * cos * STEP_S, y + v * sin * STEP_S, braked);
+        let next = clear.min(slow.max(SLOW_SPEED_M_S - braked));
         (SPEED_M_S_LIMIT - v).min(YAW_RATE_RAD_S_LIMIT).min(here).min(next)
     }
 }

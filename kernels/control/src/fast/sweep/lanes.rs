@@ -3,7 +3,6 @@
 //! Not here: in which order they run (`sweep`).
 
 use super::super::isa::fused;
-use super::super::packed::unpacked;
 use super::{Ground, Model, N, least, most};
 
 /// Adding and subtracting it rounds a number of at most 2²² to the nearest whole one.
@@ -43,6 +42,24 @@ pub(super) fn step_lanes<M: Model, const FUSED: bool>(
         speed_m_s[lane] = step.speed_m_s;
         bound_m[lane] = step.bound_m;
         moved[lane] = step.along;
+    }
+}
+
+#[inline(always)]
+pub(super) fn begin_lanes<M: Model>(
+    n: usize,
+    model: M,
+    kept_m: &mut [f32; N],
+    room_m: &mut [f32; N],
+    bound_m: &[f32; N],
+    speed_m_s: &[f32; N],
+    [clear_m, slow_m]: [f32; 2],
+) {
+    let room = least(clear_m, slow_m) - 1e-6;
+    for lane in 0..n {
+        let worth_m = model.worth_m(f32::INFINITY, slow_m, speed_m_s[lane]);
+        kept_m[lane] = least(least(kept_m[lane], bound_m[lane]), worth_m);
+        room_m[lane] = room;
     }
 }
 
@@ -107,14 +124,14 @@ pub(super) fn judge_lanes<M: Model, const FUSED: bool, const FULL: bool>(
     share_x: &[f32; N],
     share_y: &[f32; N],
     speed_m_s: &[f32; N],
-    [clear_quantum_m, slow_quantum_m]: [f32; 2],
+    ground: &Ground<'_>,
     floor_m: f32,
 ) -> u32 {
     let mut ridges = 0;
     for lane in 0..n {
         let (x, y, clear, slow) = (share_x[lane], share_y[lane], clear[lane], slow[lane]);
-        let clear_m = clear_quantum_m * unpacked::<FUSED>(clear, x, y);
-        let slow_m = slow_quantum_m * unpacked::<FUSED>(slow, x, y);
+        let clear_m = ground.clear_m::<FUSED>(clear, x, y);
+        let slow_m = ground.slow_m::<FUSED>(slow, x, y);
         let worth_m = model.worth_m(clear_m, slow_m, speed_m_s[lane]);
         // Not the loaded value itself is chosen from: that would make a masked store, which the next load waits for.
         let kept = least(kept_m[lane], bound_m[lane]);
@@ -123,14 +140,15 @@ pub(super) fn judge_lanes<M: Model, const FUSED: bool, const FULL: bool>(
         room_m[lane] = room;
         let lowers = if worth_m < kept { 1 } else { 0 };
         let is_ridge = clear >> 31;
-        // Who has not moved has asked here before (the start's margin caps all).
-        let mut asks = is_ridge & lowers & if moved[lane] > 0.0 { 1 } else { 0 };
+        // Who has not moved was judged here before: at the first place exactly, above what words say.
+        let has_moved = moved[lane] > 0.0;
+        let mut asks = is_ridge & lowers & if has_moved { 1 } else { 0 };
         if !FULL {
             asks &= if (kept > floor_m) & (room < kept) { 1 } else { 0 };
         }
         ridge[lane] = asks;
         ridges |= asks;
-        let settled_m = if is_ridge != 0 { f32::INFINITY } else { clear_m };
+        let settled_m = if (is_ridge == 0) & has_moved { clear_m } else { f32::INFINITY };
         kept_m[lane] = least(kept, model.worth_m(settled_m, slow_m, speed_m_s[lane]));
     }
     ridges
@@ -148,14 +166,14 @@ pub(super) fn settle_lanes<M: Model, const FUSED: bool>(
     share_x: &[f32; N],
     share_y: &[f32; N],
     speed_m_s: &[f32; N],
-    [clear_quantum_m, slow_quantum_m]: [f32; 2],
+    ground: &Ground<'_>,
 ) {
     for lane in 0..n {
         let (x, y) = (share_x[lane], share_y[lane]);
-        let first_m = clear_quantum_m * unpacked::<FUSED>(first[lane], x, y);
-        let second_m = clear_quantum_m * unpacked::<FUSED>(second[lane], x, y);
+        let first_m = ground.clear_m::<FUSED>(first[lane], x, y);
+        let second_m = ground.clear_m::<FUSED>(second[lane], x, y);
         let clear_m = least(least(first_m, second_m), others_m[lane]);
-        let slow_m = slow_quantum_m * unpacked::<FUSED>(slow[lane], x, y);
+        let slow_m = ground.slow_m::<FUSED>(slow[lane], x, y);
         let (kept, room, asks) = (kept_m[lane], room_m[lane], ridge[lane] != 0);
         let settled = least(kept, model.worth_m(clear_m, slow_m, speed_m_s[lane]));
         let raised = most(room, least(clear_m, slow_m));

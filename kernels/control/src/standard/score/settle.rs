@@ -2,7 +2,7 @@
 //!
 //! Not here: the bounds (`score`), one rollout (`exact`).
 
-use super::super::exact::{Follow, N_TOGETHER, Start, Together, kept, perturbed};
+use super::super::exact::{Follow, N_TOGETHER, Start, Together};
 use super::{NONE, Open, Scorer};
 
 impl Scorer<'_> {
@@ -18,7 +18,9 @@ impl Scorer<'_> {
         (enough, rival): (f64, f64),
     ) {
         let Open { kept_m, lanes, incumbent, start, cap, exact, .. } = open;
-        let (error, stop) = (f64::from(self.error_m), cap.min(enough));
+        let (stop, round_from) = (cap.min(enough), (incumbent.as_slice(), round, &*start));
+        // The most that a sample keeps, by its bound.
+        let most_m = |sample: u32| cap.min(f64::from(kept_m[sample as usize]) + f64::from(self.error_m));
         let mut best = Found { value: *exact, sample: None };
         if let Some((value, sample)) = hinted {
             best = Found { value, sample: Some(sample) };
@@ -31,12 +33,11 @@ impl Scorer<'_> {
         let most = |a: u32, b: u32| if kept_m[b as usize] > kept_m[a as usize] { b } else { a };
         let first = lanes.iter().copied().reduce(most);
         if let Some(first) = first.filter(|_| best.value < stop) {
-            self.consider(start, *cap, (incumbent, round), &[first], &mut best);
-            let floor = best.value;
-            lanes.retain(|lane| *lane != first && f64::from(kept_m[*lane as usize]) + error >= floor);
+            self.consider(round_from, &[first], most_m, &mut best);
+            lanes.retain(|lane| *lane != first && most_m(*lane) >= best.value);
             for lanes in lanes.chunks(N_TOGETHER) {
                 if best.value < stop {
-                    self.consider(start, *cap, (incumbent, round), lanes, &mut best);
+                    self.consider(round_from, lanes, most_m, &mut best);
                 }
             }
         }
@@ -54,21 +55,18 @@ impl Scorer<'_> {
         open.know(best.value);
     }
 
-    /// Follows some samples exactly, few enough to be followed together.
+    /// Follows some samples exactly, few enough to be followed together; none keeps more than `most_m` of it.
     fn consider(
         &self,
-        start: &Start,
-        cap: f64,
-        (incumbent, round): (&[[f64; 2]], usize),
+        (incumbent, round, start): (&[[f64; 2]], usize, &Start),
         samples: &[u32],
+        most_m: impl Fn(u32) -> f64,
         best: &mut Found,
     ) {
         let n_steps = incumbent.len();
         let one = |sample: u32, best: &mut Found| {
-            let controls = incumbent.iter().enumerate();
-            let draws = |step: usize| self.noise.pair(round, step, sample as usize);
-            let controls = controls.map(|(step, held)| perturbed(*held, draws(step)));
-            if let Some(value) = kept(&self.field, start, cap, controls, best.value) {
+            let which = Some((round, sample as usize));
+            if let Some(value) = self.kept((incumbent, start), which, most_m(sample), best.value) {
                 best.take(value, sample as usize);
             }
         };
@@ -76,7 +74,7 @@ impl Scorer<'_> {
             samples.iter().for_each(|sample| one(*sample, best));
             return;
         }
-        let together = &mut Together::at(start, cap, samples.len());
+        let together = &mut Together::at(&self.field, start, samples.iter().map(|sample| most_m(*sample)));
         for first in (0..n_steps).step_by(N_STRIDE) {
             let (field, noise, floor) = (&self.field, &self.noise, best.value);
             let steps = first..(first + N_STRIDE).min(n_steps);
