@@ -7,6 +7,8 @@
 //! parabolas of Felzenszwalb & Huttenlocher, Theory of Computing 8 (2012) ([`envelope`]). Linear in the number of
 //! cells, exact up to the rounding of the final `f32`.
 
+use std::ops::Range;
+
 use crate::field::{CONSERVATIVE_CELLS, DistanceField};
 use crate::grid::{Grid, Layout};
 use crate::isa::{Isa, Work};
@@ -130,7 +132,7 @@ fn transform(occupied: &Grid<bool>, side: Side, mut emit: impl FnMut(&[bool], &m
         }
         nearest.copy_from_slice(above);
         isa.run(Nearer { distances: &mut nearest, others: &below });
-        solver.solve(here, &nearest, side, &mut squared);
+        solver.solve((here, &nearest), 0..n_cols, side, &mut squared);
         emit(here, &mut squared);
     }
 }
@@ -139,6 +141,7 @@ fn transform(occupied: &Grid<bool>, side: Side, mut emit: impl FnMut(&[bool], &m
 const N_ROWS_FAR: u32 = 8;
 
 /// From distances in the columns to distances, row by row.
+#[derive(Clone, Debug)]
 struct RowSolver {
     sweep: Sweep,
     envelope: Envelope,
@@ -151,30 +154,36 @@ impl RowSolver {
         RowSolver { sweep: Sweep::new(n_cols), envelope: Envelope::new(n_cols), n_rows_far: 0 }
     }
 
-    /// Writes the squared distances of a row.
-    fn solve(&mut self, occupied: &[bool], nearest: &[u16], side: Side, squared: &mut [f32]) {
-        let n_cols = occupied.len();
+    /// Writes the squared distances of the cells in `span` of a row, and of others maybe. It may be a part of a row, when
+    /// nothing beyond can matter.
+    fn solve(
+        &mut self,
+        (occupied, nearest): (&[bool], &[u16]),
+        span: Range<usize>,
+        side: Side,
+        squared: &mut [f32],
+    ) {
         let is_far = self.n_rows_far > 0;
         self.n_rows_far = self.n_rows_far.saturating_sub(1);
         if !is_far {
-            self.sweep.load_around(0..n_cols, occupied, nearest);
+            self.sweep.load(occupied, nearest);
         }
-        let mut col = 0;
-        while let Some(kind) = occupied.get(col) {
+        let mut col = span.start;
+        while col < span.end {
             if !is_far {
-                col = self.sweep.solve(col..n_cols, occupied, side, squared);
-                if col == n_cols {
+                col = self.sweep.solve(col..span.end, occupied, side, squared);
+                if col == span.end {
                     return;
                 }
                 self.n_rows_far = N_ROWS_FAR;
             }
-            let is_same = |other: &&bool| *other == kind;
-            let first = col - occupied[..col].iter().rev().take_while(is_same).count();
-            col += occupied[col..].iter().take_while(is_same).count();
-            if *kind && side == Side::Free {
-                squared[first..col].fill(0.0);
-            } else {
+            let kind = occupied[col];
+            let first = col - occupied[..col].iter().rev().take_while(|other| **other == kind).count();
+            col += occupied[col..].iter().take_while(|other| **other == kind).count();
+            if side.is_of(kind) {
                 self.envelope.solve_run(first, col - first, nearest, squared);
+            } else {
+                squared[first..col].fill(0.0);
             }
         }
     }

@@ -1,69 +1,73 @@
 //! A signed distance field that is kept up as cells change: an object was moved, a few cells are new.
 //!
-//! Exact, like the whole transform, by what that is made of: each cell's distance to the other kind within its
-//! column is kept. A change touches the columns' runs that it lies in, and the cells that are no nearer to
-//! the other kind than to the change; distances cannot grow faster than the way, so these hang together around it.
-//! The cost goes with their number, not with the grid's.
+//! Exact, like the whole transform. Where cells became occupied, a free cell is either as far from all as it was or
+//! as far as it is from them, whatever else there is ([`nearing`]). What lay nearest to something that is gone is
+//! measured anew, from as much as can be nearest to it now ([`around`]). Either way only cells matter that are no nearer
+//! to the other kind than to the change ([`reached`]). The cost goes with their number, not with the grid's.
 
-use super::columns::{Remeasure, rows_to_other_kind};
-use super::sweep::{Side, Sweep};
-use super::{DistanceField, NONE, Scale, Signed, signed_distance};
+use std::ops::Range;
+
+use super::{DistanceField, RowSolver, Scale, Side, signed_distance};
 use crate::grid::{Cell, Grid};
-use crate::isa::Isa;
+use crate::isa::{Isa, Work};
 
-/// Cells by which a distance that was read back from a field may be off, and by which ways over cells are
-/// longer than straight ones.
-const SLACK_CELLS: f32 = 1.5;
-/// When more than one cell in so many is touched, the whole field is computed anew.
-const SHARE_ANEW: usize = 4;
-/// Cells that are searched one by one before the sweep is tried again.
-const N_FAR: usize = 32;
+mod around;
+mod nearing;
+mod part;
+mod reached;
+
+use around::Around;
+use nearing::Nearing;
+use part::PartColumns;
+use reached::{Stretch, reached};
 
 /// Occupancy and its conservative signed distance, as [`signed_distance`] computes it.
 #[derive(Clone, Debug)]
 pub struct ChangingField {
     occupied: Grid<bool>,
-    isa: Isa,
-    /// Rows to the nearest cell of the other kind in the column.
-    rows: Vec<u16>,
-    columns: Remeasure,
     field: DistanceField,
     scale: Scale,
-    sweep: Sweep,
+    isa: Isa,
+    stretches: Vec<Stretch>,
+    columns: PartColumns,
+    solver: RowSolver,
     /// Squared distances of some cells of a row, for now.
     squared: Vec<f32>,
 }
 
-/// Cells from a first to a last, both included.
-#[derive(Clone, Copy, Debug)]
-struct Span {
-    first: usize,
-    last: usize,
+/// Some cells became one kind.
+#[derive(Clone, Debug)]
+struct Change {
+    is_occupied: bool,
+    /// They lie in here.
+    cols: Range<usize>,
+    rows: Range<usize>,
 }
 
-impl Span {
-    fn holding(self, at: usize) -> Span {
-        Span { first: self.first.min(at), last: self.last.max(at) }
+impl Change {
+    fn at(cell: Cell, is_occupied: bool) -> Change {
+        Change { is_occupied, cols: cell.col..cell.col + 1, rows: cell.row..cell.row + 1 }
     }
 
-    /// How far a place is from it.
-    fn off(self, at: usize) -> f32 {
-        self.first.saturating_sub(at).max(at.saturating_sub(self.last)) as f32
+    fn take_in(&mut self, cell: Cell) {
+        let Change { cols, rows, .. } = self;
+        (cols.start, cols.end) = (cols.start.min(cell.col), cols.end.max(cell.col + 1));
+        (rows.start, rows.end) = (rows.start.min(cell.row), rows.end.max(cell.row + 1));
     }
 }
 
 impl ChangingField {
-    /// The field of an occupancy. Costs as much as [`signed_distance`] and a half.
+    /// The field of an occupancy. Costs as much as [`signed_distance`].
     #[must_use]
     pub fn new(occupied: Grid<bool>) -> Self {
         let n_cols = occupied.layout().shape.n_cols;
         ChangingField {
-            isa: Isa::detect(),
-            rows: rows_to_other_kind(&occupied),
-            columns: Remeasure::default(),
             field: signed_distance(&occupied),
             scale: Scale::new(occupied.layout()),
-            sweep: Sweep::new(n_cols),
+            isa: Isa::detect(),
+            stretches: Vec::new(),
+            columns: PartColumns::default(),
+            solver: RowSolver::new(n_cols),
             squared: vec![0.0; n_cols],
             occupied,
         }
@@ -89,226 +93,128 @@ impl ChangingField {
         }
         let n_cols = occupied.layout().shape.n_cols;
         let rows = occupied.values().chunks(n_cols).zip(self.occupied.values().chunks(n_cols)).enumerate();
-        let changed: Vec<_> = rows
+        let mut changed: Vec<_> = rows
             .filter(|(_, (now, before))| now != before)
-            .flat_map(|(row, (now, _))| now.iter().enumerate().map(move |(col, is)| (Cell { col, row }, *is)))
+            .flat_map(|(row, (now, before))| {
+                let cells = now.iter().zip(before).enumerate().filter(|(_, (now, before))| now != before);
+                cells.map(move |(col, (is, _))| (Cell { col, row }, *is))
+            })
             .collect();
+        // What comes leaves less that was nearest to what goes.
+        changed.sort_by_key(|(_, is_occupied)| !is_occupied);
         self.change(changed);
     }
 
     /// Takes over what cells are now (`true` is occupied); those that are so already, and those outside, change
     /// nothing. Returns how many were changed.
+    ///
+    /// Cheapest with all that comes before all that goes, or after it.
     pub fn change(&mut self, cells: impl IntoIterator<Item = (Cell, bool)>) -> usize {
         let shape = self.occupied.layout().shape;
-        let mut changed: Option<(Span, Span)> = None;
+        let mut changed: Option<Change> = None;
         let mut n_changed = 0;
         for (cell, is_occupied) in cells {
             let is_inside = cell.col < shape.n_cols && cell.row < shape.n_rows;
             if !is_inside || *self.occupied.get(cell) == is_occupied {
                 continue;
             }
+            if let Some(before) = changed.take_if(|before| before.is_occupied != is_occupied) {
+                self.measure(&before);
+            }
             self.occupied.set(cell, is_occupied);
             n_changed += 1;
-            let at = |at| Span { first: at, last: at };
-            let (cols, rows) = changed.unwrap_or((at(cell.col), at(cell.row)));
-            changed = Some((cols.holding(cell.col), rows.holding(cell.row)));
+            changed.get_or_insert(Change::at(cell, is_occupied)).take_in(cell);
         }
-        let Some((cols, rows)) = changed else { return 0 };
-        let measured = (self.occupied.values(), &mut self.rows[..]);
-        self.columns.run(self.isa, measured, shape.n_cols, cols.first..=cols.last, rows.first..=rows.last);
-        self.measure_around(cols, rows);
+        if let Some(changed) = changed {
+            self.measure(&changed);
+        }
         n_changed
     }
 
-    /// Measures the cells anew that may have been nearest to a changed one, or are now.
-    fn measure_around(&mut self, cols: Span, rows: Span) {
-        let n_cells_max = self.occupied.values().len() / SHARE_ANEW;
-        let n_rows = self.occupied.layout().shape.n_rows;
-        let mut n_cells = 0;
-        // Row by row away from the change, each no wider than the one before and what goes on from there.
-        let above: Box<dyn Iterator<Item = usize>> = Box::new(rows.last + 1..n_rows);
-        let below: Box<dyn Iterator<Item = usize>> = Box::new((0..rows.first).rev());
-        let within: Box<dyn Iterator<Item = usize>> = Box::new(rows.first..=rows.last);
-        for (side, is_within) in [(within, true), (above, false), (below, false)] {
-            let mut span = cols;
-            for row in side {
-                let off_rows = rows.off(row);
-                let begin = if is_within { cols } else { span };
-                let Some(touched) = self.touched(row, begin, cols, off_rows) else { break };
-                span = touched;
-                n_cells += span.last - span.first + 1;
-                if n_cells > n_cells_max {
-                    self.field = signed_distance(&self.occupied);
-                    return;
-                }
-                self.measure_row(row, span);
-            }
+    /// Brings the field up to date with a change that occupancy shows already.
+    fn measure(&mut self, change: &Change) {
+        reached(&self.field, self.scale, change, &mut self.stretches);
+        let around = Around::new(&self.occupied, &self.field, self.scale, change, &mut self.stretches);
+        if around.is_dearer_than_all {
+            self.field = signed_distance(&self.occupied);
+            return;
+        }
+        self.near(change, &around);
+        self.measure_anew(change, &around);
+    }
+
+    /// Cells of the kind that there is less of now: no farther from the others than from those that changed.
+    fn near(&mut self, change: &Change, around: &Around) {
+        if !around.has_nearing {
+            return;
+        }
+        let n_cols = self.occupied.layout().shape.n_cols;
+        let (rows, sources) = (around.rows.clone(), change.rows.clone());
+        let part = (change.cols.clone(), rows, sources);
+        self.columns.measure(self.isa, &self.occupied, change.is_occupied, part);
+        for stretch in self.stretches.iter().filter(|stretch| stretch.has_nearing) {
+            // In whole chunks: what else there is in a row is as near as it can be.
+            let n = stretch.cols.len().next_multiple_of(nearing::N_CHUNK).min(n_cols);
+            let first = stretch.cols.start.min(n_cols - n);
+            let cells = stretch.row * n_cols + first..stretch.row * n_cols + first + n;
+            self.isa.run(Nearing {
+                scale: self.scale,
+                to_occupied: change.is_occupied,
+                lifts: self.columns.row(stretch.row, change.cols.clone()),
+                first_lift: change.cols.start,
+                kinds: &self.occupied.values()[cells.clone()],
+                first,
+                values: &mut self.field.values_m_mut()[cells],
+            });
         }
     }
 
-    /// The cells of a row that are no nearer to the other kind than to the change; `None` without any.
-    fn touched(&self, row: usize, begin: Span, cols: Span, off_rows: f32) -> Option<Span> {
+    /// Cells of the kind that there is more of now: what was nearest to them may be gone.
+    fn measure_anew(&mut self, change: &Change, around: &Around) {
+        if around.cols.is_empty() {
+            return;
+        }
         let n_cols = self.occupied.layout().shape.n_cols;
-        let values_m = &self.field.values_m()[row * n_cols..(row + 1) * n_cols];
-        let is_touched = |col: usize| {
-            let off_cols = cols.off(col);
-            let cells = self.scale.cells_of(values_m[col]) + SLACK_CELLS;
-            cells * cells >= off_cols * off_cols + off_rows * off_rows
-        };
-        let (mut first, mut last) = (begin.first.saturating_sub(1), (begin.last + 1).min(n_cols - 1));
-        if off_rows > 0.0 {
-            while first <= last && !is_touched(first) {
-                first += 1;
-            }
-            while last > first && !is_touched(last) {
-                last -= 1;
-            }
-            if first > last {
-                return None;
-            }
+        let (kind, part) =
+            (change.is_occupied, (around.cols.clone(), around.rows.clone(), around.sources.clone()));
+        self.columns.measure(self.isa, &self.occupied, !kind, part);
+        self.solver.n_rows_far = 0;
+        let (first, n) = (around.cols.start, around.cols.len());
+        let squared = &mut self.squared[..n];
+        for Stretch { row, anew, .. } in self.stretches.iter().filter(|stretch| !stretch.anew.is_empty()) {
+            let begin = row * n_cols;
+            let kinds = &self.occupied.values()[begin + first..begin + first + n];
+            let nearest = self.columns.row(*row, around.cols.clone());
+            let span = anew.start - first..anew.end - first;
+            let side = if kind { Side::Occupied } else { Side::Free };
+            self.solver.solve((kinds, nearest), span.clone(), side, squared);
+            let values = &mut self.field.values_m_mut()[begin + anew.start..begin + anew.end];
+            let (kinds, squared) = (&kinds[span.clone()], &squared[span]);
+            self.isa.run(Anew { scale: self.scale, kind, kinds, squared, values });
         }
-        while first > 0 && is_touched(first - 1) {
-            first -= 1;
-        }
-        while last + 1 < n_cols && is_touched(last + 1) {
-            last += 1;
-        }
-        Some(Span { first, last })
-    }
-
-    /// Measures cells of a row anew.
-    fn measure_row(&mut self, row: usize, span: Span) {
-        let n_cols = self.occupied.layout().shape.n_cols;
-        let begin = row * n_cols;
-        let kinds = &self.occupied.values()[begin..begin + n_cols];
-        let rows = &self.rows[begin..begin + n_cols];
-        let end = span.last + 1;
-        self.sweep.load_around(span.first..end, kinds, rows);
-        let mut col = span.first;
-        while col < end {
-            col = self.sweep.solve(col..end, kinds, Side::Both, &mut self.squared);
-            if col < end {
-                // Far from all: one by one, as many as stand together.
-                let place = col..(col + N_FAR).min(end);
-                search(kinds, rows, place.clone(), &mut self.squared[place.clone()]);
-                col = place.end;
-            }
-        }
-        let values = &mut self.field.values_m_mut()[begin + span.first..begin + end];
-        values.copy_from_slice(&self.squared[span.first..end]);
-        self.isa.run(Signed { scale: self.scale, occupied: &kinds[span.first..end], values });
     }
 }
 
-/// The squared distances of cells of a row, one by one: the nearest of the other kind lies in some column, not
-/// past one that has it in this very row, nor past the best that was found.
-fn search(kinds: &[bool], rows: &[u16], place: std::ops::Range<usize>, out: &mut [f32]) {
-    let squared = |distance: u16| if distance == NONE { i32::MAX } else { i32::from(distance).pow(2) };
-    for (col, out) in place.zip(out) {
-        let own = kinds[col];
-        let mut best = squared(rows[col]);
-        let mut look = |others: &mut dyn Iterator<Item = (bool, u16)>| {
-            for (off, (kind, distance)) in (1_i32..).zip(others) {
-                let across = off * off;
-                if across >= best {
-                    break;
-                }
-                if kind != own {
-                    best = across;
-                    break;
-                }
-                best = best.min(squared(distance).saturating_add(across));
-            }
-        };
-        look(&mut kinds[..col].iter().copied().zip(rows[..col].iter().copied()).rev());
-        look(&mut kinds[col + 1..].iter().copied().zip(rows[col + 1..].iter().copied()));
-        *out = if best == i32::MAX { f32::INFINITY } else { best as f32 };
+/// Writes the values of the cells of a kind.
+struct Anew<'a> {
+    scale: Scale,
+    kind: bool,
+    kinds: &'a [bool],
+    squared: &'a [f32],
+    values: &'a mut [f32],
+}
+
+impl Work for Anew<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        for ((value, kind), squared) in self.values.iter_mut().zip(self.kinds).zip(self.squared) {
+            let anew_m = self.scale.signed_m(*squared, self.kind);
+            *value = if *kind == self.kind { anew_m } else { *value };
+        }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use geometry::Point2;
-    use proptest::prelude::*;
-
-    use super::*;
-    use crate::grid::{Layout, Shape};
-
-    fn floor(n_cols: usize, n_rows: usize) -> Grid<bool> {
-        let layout = Layout::new(Point2::new(-0.4, 0.3), 0.05, Shape { n_cols, n_rows }).unwrap();
-        Grid::filled(layout, false)
-    }
-
-    /// Cells of a box, cut at the border of the grid or not.
-    fn cells_of(low: (usize, usize), size: (usize, usize)) -> impl Iterator<Item = Cell> {
-        (low.1..low.1 + size.1).flat_map(move |row| (low.0..low.0 + size.0).map(move |col| Cell { col, row }))
-    }
-
-    /// Few cells on a wide floor: farther from each other than a sweep reaches.
-    fn any_wide_floor() -> impl Strategy<Value = Grid<bool>> {
-        let cells = prop::collection::vec((0..1100_usize, 0..5_usize, 1..40_usize), 0..6);
-        (1..1100_usize, 1..5_usize, cells).prop_map(|(n_cols, n_rows, cells)| {
-            let mut grid = floor(n_cols, n_rows);
-            for (col, row, width) in cells {
-                let inside = (col..(col + width).min(n_cols)).map(|col| Cell { col, row });
-                inside.filter(|_| row < n_rows).for_each(|cell| grid.set(cell, true));
-            }
-            grid
-        })
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(300))]
-
-        #[test]
-        fn a_wide_floor_becomes_any_other(before in any_wide_floor(), now in any_wide_floor()) {
-            let mut changing = ChangingField::new(before);
-            // Cells of the other floor on this one's layout, then the other floor itself.
-            let shape = changing.occupied().layout().shape;
-            let (col, row) = (shape.n_cols / 2, shape.n_rows / 2);
-            let own = changing.occupied().layout().cells().map(|cell| cell.col > col && cell.row >= row).collect();
-            let mixed = Grid::from_values(*changing.occupied().layout(), own).unwrap();
-            for floor in [mixed, now] {
-                changing.update(floor.clone());
-                prop_assert_eq!(changing.occupied(), &floor);
-                let anew = signed_distance(&floor);
-                prop_assert_eq!(changing.field().values_m(), anew.values_m());
-            }
-        }
-
-        #[test]
-        fn after_any_changes_it_is_the_field_of_what_is_occupied_now(
-            (n_cols, n_rows) in (1..60_usize, 1..60_usize),
-            boxes in prop::collection::vec(
-                ((0..60_usize, 0..60_usize), (1..12_usize, 1..12_usize), prop::bool::weighted(0.7)), 1..12,
-            ),
-        ) {
-            let mut changing = ChangingField::new(floor(n_cols, n_rows));
-            for (low, size, is_occupied) in boxes {
-                changing.change(cells_of(low, size).map(|cell| (cell, is_occupied)));
-                let anew = signed_distance(changing.occupied());
-                prop_assert_eq!(changing.field().values_m(), anew.values_m());
-            }
-        }
-
-        #[test]
-        fn scattered_cells_change_it_as_well(
-            crowd in prop::collection::vec(prop::bool::weighted(0.1), 40 * 30),
-            flips in prop::collection::vec((0..40_usize, 0..30_usize, any::<bool>()), 1..40),
-        ) {
-            let layout = *floor(40, 30).layout();
-            let mut changing = ChangingField::new(Grid::from_values(layout, crowd).unwrap());
-            let n = changing.change(flips.iter().map(|(col, row, on)| (Cell { col: *col, row: *row }, *on)));
-            prop_assert!(n <= flips.len());
-            let anew = signed_distance(changing.occupied());
-            prop_assert_eq!(changing.field().values_m(), anew.values_m());
-        }
-    }
-
-    #[test]
-    fn what_does_not_change_costs_nothing_and_what_lies_outside_is_left_out() {
-        let mut changing = ChangingField::new(floor(20, 20));
-        assert_eq!(changing.change([(Cell { col: 3, row: 3 }, false), (Cell { col: 20, row: 0 }, true)]), 0);
-        assert_eq!(changing.change([(Cell { col: 3, row: 3 }, true); 2]), 1);
-    }
-}
+mod laws;

@@ -5,7 +5,7 @@
 use super::NONE;
 
 /// One parabola of an envelope.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Parabola {
     /// Its column.
     col: i32,
@@ -16,6 +16,7 @@ struct Parabola {
 }
 
 /// Scratch space for lower envelopes along rows.
+#[derive(Clone, Debug)]
 pub(super) struct Envelope {
     parabolas: Vec<Parabola>,
     /// 1 / 2n: a multiplication instead of a division for each intersection.

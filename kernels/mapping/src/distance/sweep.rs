@@ -31,23 +31,19 @@ impl Sweep {
         Sweep { isa: Isa::detect(), lifts: [lifts.clone(), lifts] }
     }
 
-    /// Takes in what the cells in `span` of a row depend on: which cells of the row are occupied, and each one's
-    /// distance to the other kind in its column. Nothing that is farther than the farthest of these can matter.
-    pub(super) fn load_around(&mut self, span: Range<usize>, occupied: &[bool], nearest: &[u16]) {
-        let farthest = nearest[span.clone()].iter().fold(0, |most: u16, rows| most.max(*rows));
-        let reach = usize::from(farthest).min(REACH);
-        let first = span.start.saturating_sub(reach);
-        let last = (span.end + reach).min(occupied.len());
-        let [of_free, of_occupied] = &mut self.lifts;
-        let kept = REACH + first..REACH + last;
-        let (of_free, of_occupied) = (&mut of_free[kept.clone()], &mut of_occupied[kept]);
-        let row =
-            Row { occupied: &occupied[first..last], nearest: &nearest[first..last], of_free, of_occupied };
-        self.isa.run(row);
+    /// Takes in a row, or so much of one as can matter: which of its cells are occupied, and each one's distance to the
+    /// other kind in its column. No longer than the rows that it was made for.
+    pub(super) fn load(&mut self, occupied: &[bool], nearest: &[u16]) {
+        let (n, [of_free, of_occupied]) = (occupied.len(), &mut self.lifts);
+        for lifts in [&mut *of_free, of_occupied] {
+            lifts[REACH + n..2 * REACH + n + N_CHUNK].fill(u16::MAX);
+        }
+        let (of_free, of_occupied) = (&mut of_free[REACH..REACH + n], &mut of_occupied[REACH..REACH + n]);
+        self.isa.run(Row { occupied, nearest, of_free, of_occupied });
     }
 
-    /// Writes the squared distances of the cells of a row in `span`, whose surroundings were taken in; returns the
-    /// first column that is too far from all to be solved, or the span's end.
+    /// Writes the squared distances of the cells in `span` of the row that was taken in; returns the first column that is
+    /// too far from all to be solved, or the span's end.
     pub(super) fn solve(
         &self,
         span: Range<usize>,
@@ -67,13 +63,23 @@ impl Sweep {
     }
 }
 
-/// Whose distances are wanted.
+/// Whose distances to the other kind are wanted; the others' are 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
-    /// Those of free cells; the others' are 0.
+    /// Those of free cells.
     Free,
-    /// Each cell's to the other kind.
+    /// Those of occupied cells.
+    Occupied,
+    /// Each cell's.
     Both,
+}
+
+impl Side {
+    /// Whether the distances of a kind are wanted.
+    #[inline(always)]
+    pub(super) fn is_of(self, is_occupied: bool) -> bool {
+        self == Side::Both || (self == Side::Occupied) == is_occupied
+    }
 }
 
 /// A row's distances in the columns, to be squared.
@@ -118,11 +124,11 @@ impl Work for Cells<'_> {
             let n_occupied = occupied.iter().map(|occupied| u8::from(*occupied)).sum::<u8>();
             let mut best = [0; N_CHUNK];
             // A cell is at 0 from its own kind: of both distances the larger is the one across the border.
-            if usize::from(n_occupied) < occupied.len() {
+            if usize::from(n_occupied) < occupied.len() && self.side.is_of(false) {
                 let Some(of_free) = solve_chunk(&self.of_free[n_done..], squared.len()) else { break };
                 best = of_free;
             }
-            if n_occupied > 0 && self.side == Side::Both {
+            if n_occupied > 0 && self.side.is_of(true) {
                 let Some(of_occupied) = solve_chunk(&self.of_occupied[n_done..], squared.len()) else {
                     break;
                 };
