@@ -124,7 +124,7 @@ impl Senses {
         Ok(None)
     }
 
-    pub(crate) fn pose(&mut self, heard: Heard<PoseEstimate>) -> Result<Option<FieldJob>, Invalid> {
+    pub(crate) fn pose(&mut self, mut heard: Heard<PoseEstimate>) -> Result<Option<FieldJob>, Invalid> {
         let stamp_ns = heard.message.header.stamp_ns;
         match self.motion.oldest_stamp_ns() {
             // A pose from before this run of the odometry speaks of another `odom`.
@@ -137,6 +137,12 @@ impl Senses {
         let is_old = self.threads.pose.follow(heard.message.header, heard.at) == Order::Old;
         // In doubt it goes by odometry from the last good pose, until that is too old.
         if !is_old && heard.message.quality != PoseQuality::Uncertain {
+            // Where a lost robot brakes is where the last good pose says.
+            if let Some(last) = &self.pose
+                && heard.message.quality == PoseQuality::Lost
+            {
+                heard.message.map_from_odom = last.message.map_from_odom;
+            }
             self.pose = Some(heard);
         }
         Ok(None)

@@ -305,10 +305,12 @@ impl Bench {
     }
 
     pub fn pose(&mut self) -> PoseEstimate {
+        // A localisation that began anew and is lost knows no last good pose.
+        let is_lost = self.quality == PoseQuality::Lost;
         PoseEstimate {
             header: self.header("pose", 0),
             map_epoch: self.map_epoch,
-            map_from_odom: MAP_FROM_ODOM,
+            map_from_odom: if is_lost { Pose2::IDENTITY } else { MAP_FROM_ODOM },
             quality: self.quality,
         }
     }

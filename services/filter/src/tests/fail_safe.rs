@@ -93,8 +93,14 @@ fn a_pose_matched_from_a_scan_older_than_three_scan_limits_stops() {
 #[test]
 fn a_pose_that_is_lost_stops() {
     let mut bench = Bench::driving();
+    let before = bench.status().map_from_base.unwrap();
     bench.quality = PoseQuality::Lost;
     bench.run(200);
+    let after = bench.status().map_from_base.unwrap();
+    assert!(
+        (before.x_m - after.x_m).hypot(before.y_m - after.y_m) < 0.2,
+        "it goes by the last good pose: {after:?}"
+    );
     assert_eq!(comes_to_rest(bench).stop_reason, "localisation is lost");
 }
 
