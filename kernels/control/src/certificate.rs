@@ -40,7 +40,7 @@
 //! Deliberately not here: choosing plans (`score`, `filter`). This module says yes or no.
 
 use crate::plan::{Plan, Sample};
-use crate::scene::{Scene, Source};
+use crate::scene::{LimitLayer, Scene, Source};
 
 /// Why a plan is not certified.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,20 +91,19 @@ pub(crate) fn certify(scene: &Scene<'_>, plan: &Plan) -> Result<Kept, Breach> {
         |sample: &Sample| scene.nearest(sample.state.position(), (sample.moving_s - passed_s).max(0.0));
     let tube_m = |sample: &Sample| scene.tube_m(start_m_s, sample.moving_s, sample.path_m);
 
-    let mut from_margin = spatial(&rest[0]);
+    let (mut from_margin, mut from_tube_m) = (spatial(&rest[0]), tube_m(&rest[0]));
     for (k, pair) in rest.windows(2).enumerate() {
         let (from, to) = (&pair[0], &pair[1]);
-        let to_margin = spatial(to);
+        let (to_margin, to_tube_m) = (spatial(to), tube_m(to));
         let turn_rad = from.yaw_rate_rad_s * plan.step_s();
-        let lost_m = scene.loss_m(to.path_m - from.path_m, turn_rad) + tube_m(to);
+        let lost_m = scene.loss_m(to.path_m - from.path_m, turn_rad) + to_tube_m;
         let (ends_m, source) = least(from_margin, to_margin);
         note((ends_m - lost_m, source))?;
-        within_limits(scene, (from, to), (tube_m(from), tube_m(to)), k == 0, passed_s)?;
-        from_margin = to_margin;
+        within_limits(scene, (from, to), (from_tube_m, to_tube_m), k == 0, passed_s)?;
+        (from_margin, from_tube_m) = (to_margin, to_tube_m);
     }
     // The place of rest, for a plan that has come to its end.
-    let last = &rest[rest.len() - 1];
-    note((from_margin.0 - tube_m(last), from_margin.1))?;
+    note((from_margin.0 - from_tube_m, from_margin.1))?;
     Ok(worst)
 }
 
@@ -127,23 +126,25 @@ fn within_limits(
     let accel_m_s2 = scene.assumptions.limits.accel_m_s2_max;
     // The speed at the start is measured, and may be measured too high.
     let measured_m_s = if is_first { scene.assumptions.disturbance.speed_m_s } else { 0.0 };
+    let is_in = |layer: &LimitLayer<'_>, sample: &Sample, tube_m: f64| {
+        layer.zone_margin_m(sample.state.position()) <= scene.zone_guard_m(tube_m)
+    };
     for layer in &scene.limits {
-        let from_in = layer.zone_margin_m(from.state.position()) <= scene.zone_guard_m(from_tube_m);
-        let to_in = layer.zone_margin_m(to.state.position()) <= scene.zone_guard_m(to_tube_m);
-        if !(from_in || to_in) {
-            continue;
-        }
         let from_over_m_s =
             from.state.speed_m_s - measured_m_s - layer.speed_at(from.moving_s - passed_s, accel_m_s2);
         let to_over_m_s = to.state.speed_m_s - layer.speed_at(to.moving_s - passed_s, accel_m_s2);
         let over_m_s = from_over_m_s.max(to_over_m_s);
-        if over_m_s > 0.0 {
-            return Err(Breach::Fast(layer.source, over_m_s));
-        }
         let over_rad_s = from.yaw_rate_rad_s.abs() - layer.yaw_rate_rad_s;
-        if over_rad_s > 0.0 {
-            return Err(Breach::Turning(layer.source, over_rad_s));
+        let is_over = over_m_s > 0.0 || over_rad_s > 0.0;
+        // Who heeds a limit may be anywhere: its zone is asked for only by who does not.
+        if !is_over || !(is_in(layer, from, from_tube_m) || is_in(layer, to, to_tube_m)) {
+            continue;
         }
+        return Err(if over_m_s > 0.0 {
+            Breach::Fast(layer.source, over_m_s)
+        } else {
+            Breach::Turning(layer.source, over_rad_s)
+        });
     }
     Ok(())
 }

@@ -164,6 +164,11 @@ impl Heading {
         let (sin, cos) = yaw_rad.sin_cos();
         Heading { yaw_rad, sin, cos, bend: Bend::NONE }
     }
+
+    /// Its sine and cosine.
+    pub(crate) fn sin_cos(&self) -> (f64, f64) {
+        (self.sin, self.cos)
+    }
 }
 
 /// A displacement in the frame of the start: `along_m` ahead, `aside_m` to the left.

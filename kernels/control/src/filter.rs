@@ -72,9 +72,6 @@ struct Room {
     scene: Spare,
     texts: Texts,
     plans: Spares,
-    /// Sequences that a search begins with.
-    warm: [Vec<Control>; 2],
-    after: Vec<Control>,
     controls: Vec<Control>,
     primitives: Vec<Control>,
     ranking: recovery::Room,

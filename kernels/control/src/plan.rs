@@ -3,6 +3,8 @@
 //! Samples lie one step Δ apart, the last one at rest. A stored plan is never cut: time moves along it, so
 //! that ticks may be faster than Δ, and what was certified once is the same set of segments later.
 
+use std::ops::Range;
+
 use geometry::Twist;
 
 use crate::dynamics::{Bend, Control, Heading, Limits, State};
@@ -41,13 +43,14 @@ impl Plan {
     /// Without the tail a plan may end moving, and is then never certified.
     #[must_use]
     pub fn roll(start: State, controls: &[Control], step_s: f64, limits: &Limits, tail: bool) -> Plan {
-        Plan::roll_into(Vec::new(), start, controls, step_s, limits, tail)
+        let heading = Heading::of(start.yaw_rad);
+        Plan::roll_into(Vec::new(), (start, heading), controls, step_s, limits, tail)
     }
 
-    /// The same in the room of a plan that is no more.
+    /// The same in the room of a plan that is no more, from a state and its heading.
     pub(crate) fn roll_into(
         mut samples: Vec<Sample>,
-        start: State,
+        (start, mut heading): (State, Heading),
         controls: &[Control],
         step_s: f64,
         limits: &Limits,
@@ -57,7 +60,6 @@ impl Plan {
         samples.reserve(controls.len() + 32);
         samples.push(Sample { state: start, yaw_rate_rad_s: 0.0, moving_s: 0.0, path_m: 0.0 });
         let mut plan = Plan { samples, step_s, at_s: 0.0 };
-        let mut heading = Heading::of(start.yaw_rad);
         for &control in controls {
             plan.push(control, limits, &mut heading);
         }
@@ -144,6 +146,11 @@ impl Plan {
         Control { yaw_rate_rad_s: self.samples[idx].yaw_rate_rad_s, accel_m_s2: gain_m_s / self.step_s }
     }
 
+    /// The controls of some of its steps, counted from now and made as they are asked for.
+    pub(crate) fn controls(&self, steps: Range<usize>) -> impl Iterator<Item = Control> + Clone + '_ {
+        steps.map(|k| self.control_at(k as f64 * self.step_s))
+    }
+
     /// The modelled state at this moment.
     #[must_use]
     pub fn state_now(&self) -> State {
@@ -168,9 +175,9 @@ impl Plan {
         let steps = at_s / self.step_s;
         let last_idx = self.samples.len() - 1;
         // Rounding must not turn "the first sample" into "almost the first".
-        let nearest = steps.round();
-        if (steps - nearest).abs() < 1e-6 {
-            return self.samples[(nearest.max(0.0) as usize).min(last_idx)].state.speed_m_s;
+        let nearest = (steps + 0.5) as usize;
+        if (steps - nearest as f64).abs() < 1e-6 {
+            return self.samples[nearest.min(last_idx)].state.speed_m_s;
         }
         let idx = steps.max(0.0) as usize;
         if idx >= last_idx {

@@ -237,11 +237,11 @@ impl Lists {
         let n = of.len();
         let (square_m2, is_candidate) = (&mut self.square_m2[..n], &mut self.is_candidate[..n]);
         let (x_m, y_m) = (&self.x_m[of.clone()], &self.y_m[of.clone()]);
-        isa.run(Candidates { x_m, y_m, square_m2, is_candidate, centre, side_m });
+        let n_candidates = isa.run(Candidates { x_m, y_m, square_m2, is_candidate, centre, side_m });
         let (from, mut to) = (self.x_m.len(), self.x_m.len());
-        // Room for all of them: who is written and is no candidate is written over.
-        self.x_m.resize(from + n + 1, NOWHERE_M);
-        self.y_m.resize(from + n + 1, NOWHERE_M);
+        // Room for one more: who is written and is no candidate is written over.
+        self.x_m.resize(from + n_candidates + 1, NOWHERE_M);
+        self.y_m.resize(from + n_candidates + 1, NOWHERE_M);
         for (block, flags) in self.is_candidate[..n].as_chunks::<N_BLOCK>().0.iter().enumerate() {
             if u64::from_ne_bytes(*flags) == 0 {
                 continue;

@@ -63,7 +63,7 @@ pub(crate) fn least_harm(
     consider_candidates(scene, exits, &mut ranking);
     let Assumptions { limits, step_s, .. } = scene.assumptions;
     let Ranking { judge, best, controls } = ranking;
-    let plan = Plan::roll_into(samples, scene.start, &controls, step_s, &limits, true);
+    let plan = Plan::roll_into(samples, (scene.start, scene.heading), &controls, step_s, &limits, true);
     *room = Room { trunk: judge.trunk, controls };
     best.map(|(_, obstacle_m)| Ranked { plan, obstacle_m })
 }
@@ -89,8 +89,7 @@ impl Ranking<'_, '_> {
 
 /// What is left of a plan, resampled from this moment.
 pub(crate) fn remaining_controls(plan: &Plan) -> impl Iterator<Item = Control> + Clone + '_ {
-    let n_left = plan.rest().len() - 1;
-    (0..n_left).map(|k| plan.control_at(k as f64 * plan.step_s()))
+    plan.controls(0..plan.rest().len() - 1)
 }
 
 fn consider_candidates(scene: &Scene<'_>, exits: Option<&ExitMap>, ranking: &mut Ranking<'_, '_>) {

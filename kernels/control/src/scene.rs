@@ -8,7 +8,7 @@ use geometry::Point2;
 use mapping::DistanceField;
 
 use crate::config::Disturbance;
-use crate::dynamics::{Limits, State};
+use crate::dynamics::{Heading, Limits, State};
 use crate::margin::{Demand, World};
 use crate::points::PointIndex;
 
@@ -19,7 +19,7 @@ pub(crate) use place::Place;
 /// Driving exactly at a limit complies: tolerance, m/s and rad/s. A limit of 0 in a zone has none.
 pub const LIMIT_TOLERANCE: f64 = 0.01;
 /// Scan hits nearer than this to a mapped obstacle belong to it, metres: scan noise plus a cell.
-const ON_MAP_M: f64 = 0.15;
+pub(crate) const ON_MAP_M: f64 = 0.15;
 /// So near to a limit's zone it is held to before it is in force, metres.
 const AT_ONCE_M: f64 = 0.1;
 /// Farthest place a scene speaks of, metres from the start.
@@ -87,6 +87,8 @@ pub(crate) struct LimitLayer<'w> {
 pub(crate) struct Scene<'w> {
     pub assumptions: Assumptions,
     pub start: State,
+    /// The start's.
+    pub heading: Heading,
     /// Nearest first.
     pub spatial: Vec<SpatialLayer<'w>>,
     pub limits: Vec<LimitLayer<'w>>,
@@ -185,7 +187,8 @@ impl<'w> Scene<'w> {
     ) -> Scene<'w> {
         let spatial = emptied(std::mem::take(&mut spare.spatial));
         let limits = emptied(std::mem::take(&mut spare.limits));
-        let mut scene = Scene { assumptions, start, spatial, limits, segment_guard_m: 0.0 };
+        let heading = Heading::of(start.yaw_rad);
+        let mut scene = Scene { assumptions, start, heading, spatial, limits, segment_guard_m: 0.0 };
         scene.segment_guard_m = scene.longest_segment_guard_m();
         let radius_m = assumptions.radius_m;
         let here = &mut Place::at(start.position());

@@ -9,7 +9,7 @@
 use geometry::Point2;
 
 use crate::dynamics::{Bend, Control, State};
-use crate::scene::{Assumptions, Place, Scene, Shape};
+use crate::scene::{Assumptions, LimitLayer, Place, Scene, Shape};
 
 mod bounds;
 mod search;
@@ -43,8 +43,6 @@ pub(crate) struct Runner {
     path_m: f64,
     /// Smallest margin at the last sample, metres (or a bound above `kept_m` where that is enough).
     here_m: f64,
-    /// Bit i: the last sample may lie in the zone of limit i.
-    zones: u64,
     /// The smallest margin sure to be kept so far, metres.
     pub kept_m: f64,
 }
@@ -52,8 +50,8 @@ pub(crate) struct Runner {
 impl Runner {
     /// A rollout that has not moved yet.
     pub(crate) fn start(scene: &Scene<'_>) -> Runner {
-        let State { x_m, y_m, yaw_rad, speed_m_s } = scene.start;
-        let (sin, cos) = yaw_rad.sin_cos();
+        let State { x_m, y_m, speed_m_s, .. } = scene.start;
+        let (sin, cos) = scene.heading.sin_cos();
         let mut runner = Runner {
             x_m,
             y_m,
@@ -64,15 +62,12 @@ impl Runner {
             moving_s: 0.0,
             path_m: 0.0,
             here_m: f64::INFINITY,
-            zones: 0,
             kept_m: f64::INFINITY,
         };
         for layer in scene.spatial.iter().filter(|layer| !layer.soft) {
             runner.here_m = runner.here_m.min(layer.start_m);
         }
         runner.kept_m = runner.here_m - scene.assumptions.disturbance.position_m;
-        let place = &mut Place::at(scene.start.position());
-        runner.zones = runner.zones_here(scene, scene.tube_m(speed_m_s, 0.0, 0.0), place);
         runner
     }
 
@@ -91,17 +86,23 @@ impl Runner {
     }
 
     /// One step on; `false` as soon as the rollout cannot keep more than `floor_m`, or breaks a limit.
-    #[inline]
     pub(crate) fn step(&mut self, scene: &Scene<'_>, control: Control, floor_m: f64) -> bool {
+        let mut bend = Bend::NONE;
+        self.step_bent(scene, control, floor_m, &mut bend)
+    }
+
+    /// The same; `bend` is the last step's.
+    #[inline]
+    fn step_bent(&mut self, scene: &Scene<'_>, control: Control, floor_m: f64, bend: &mut Bend) -> bool {
         let step_s = scene.assumptions.step_s;
         let limits = &scene.assumptions.limits;
         let end_m_s = limits.speed_after(self.speed_m_s, control.accel_m_s2, step_s);
         let turn_rad = control.yaw_rate_rad_s * step_s;
-        let moved = Bend::of(turn_rad).over(self.speed_m_s, end_m_s, step_s);
+        let moved = bend.becomes(turn_rad).over(self.speed_m_s, end_m_s, step_s);
         let length_m = (self.speed_m_s + end_m_s) / 2.0 * step_s;
         let moving = length_m > 0.0;
 
-        let (from_m_s, from_s, from_zones) = (self.speed_m_s, self.moving_s, self.zones);
+        let from = *self;
         self.x_m += self.cos * moved.along_m - self.sin * moved.aside_m;
         self.y_m += self.sin * moved.along_m + self.cos * moved.aside_m;
         (self.cos, self.sin) = (
@@ -116,30 +117,21 @@ impl Runner {
 
         let tube_m = scene.tube_m(self.start_m_s, self.moving_s, self.path_m);
         let lost_m = scene.loss_m(length_m, turn_rad) + tube_m;
-        let before_m = self.here_m;
-        let place = &mut Place::at(Point2::new(self.x_m, self.y_m));
         if moving {
-            self.here_m = self.nearest_m(scene, scene.zone_guard_m(tube_m), place);
+            self.here_m = self.nearest_m(scene, scene.zone_guard_m(tube_m));
         }
-        self.kept_m = least(least(before_m, self.here_m) - lost_m, self.kept_m);
+        self.kept_m = least(least(from.here_m, self.here_m) - lost_m, self.kept_m);
         if self.kept_m <= floor_m || self.kept_m.is_nan() {
             return false;
         }
-        if scene.limits.is_empty() {
-            return true;
-        }
-        if moving {
-            self.zones = self.zones_here(scene, tube_m, place);
-        }
-        let measured_m_s = if from_s == 0.0 { scene.assumptions.disturbance.speed_m_s } else { 0.0 };
-        let from = (from_m_s - measured_m_s, from_s);
-        self.heeds_limits(scene, from_zones | self.zones, from, control.yaw_rate_rad_s.abs())
+        self.heeds_limits(scene, &from, control.yaw_rate_rad_s.abs())
     }
 
     /// The smallest margin here, metres; exact unless it could not lower `kept_m` even after `guard_m` is
     /// lost from it.
     #[inline]
-    fn nearest_m(&self, scene: &Scene<'_>, guard_m: f64, place: &mut Place) -> f64 {
+    fn nearest_m(&self, scene: &Scene<'_>, guard_m: f64) -> f64 {
+        let place = &mut Place::at(self.place());
         let fallen_m = FIELD_SLOPE * self.path_m + scene.assumptions.closing_speed_m_s * self.moving_s;
         let (mut nearest_m, mut skipped_m) = (f64::INFINITY, f64::INFINITY);
         for layer in &scene.spatial {
@@ -164,31 +156,31 @@ impl Runner {
         least(nearest_m, skipped_m)
     }
 
-    fn zones_here(&self, scene: &Scene<'_>, tube_m: f64, place: &mut Place) -> u64 {
-        let guard_m = scene.zone_guard_m(tube_m);
-        let fallen_m = FIELD_SLOPE * self.path_m;
-        let mut zones = 0;
-        for (idx, layer) in scene.limits.iter().enumerate() {
-            let outside = layer.start_m - fallen_m > guard_m || layer.zone_margin_at(place) > guard_m;
-            // More limits than bits share the last bit: inside one of them is inside all.
-            zones |= u64::from(!outside) << idx.min(63);
-        }
-        zones
+    fn place(&self) -> Point2 {
+        Point2::new(self.x_m, self.y_m)
     }
 
+    /// Whether the step from another moment to this one heeds every limit of the zones that it may touch.
     #[inline]
-    fn heeds_limits(&self, scene: &Scene<'_>, zones: u64, from: (f64, f64), rate_rad_s: f64) -> bool {
-        if zones == 0 {
-            return true;
-        }
-        let accel_m_s2 = scene.assumptions.limits.accel_m_s2_max;
-        let (from_m_s, from_s) = from;
-        scene.limits.iter().enumerate().all(|(idx, layer)| {
-            zones >> idx.min(63) & 1 == 0
-                || (from_m_s <= layer.speed_at(from_s, accel_m_s2)
-                    && self.speed_m_s <= layer.speed_at(self.moving_s, accel_m_s2)
-                    && rate_rad_s <= layer.yaw_rate_rad_s)
+    fn heeds_limits(&self, scene: &Scene<'_>, from: &Runner, rate_rad_s: f64) -> bool {
+        let Assumptions { limits, disturbance, .. } = scene.assumptions;
+        let measured_m_s = if from.moving_s == 0.0 { disturbance.speed_m_s } else { 0.0 };
+        let from_m_s = from.speed_m_s - measured_m_s;
+        scene.limits.iter().all(|layer| {
+            let is_heeded = from_m_s <= layer.speed_at(from.moving_s, limits.accel_m_s2_max)
+                && self.speed_m_s <= layer.speed_at(self.moving_s, limits.accel_m_s2_max)
+                && rate_rad_s <= layer.yaw_rate_rad_s;
+            // Who heeds a limit may be anywhere: its zone is asked for only by who does not.
+            is_heeded || !(from.may_be_in(scene, layer) || self.may_be_in(scene, layer))
         })
+    }
+
+    /// Whether the base may be in the zone of a limit at this moment.
+    fn may_be_in(&self, scene: &Scene<'_>, layer: &LimitLayer<'_>) -> bool {
+        let guard_m = scene.zone_guard_m(scene.tube_m(self.start_m_s, self.moving_s, self.path_m));
+        let is_outside = layer.start_m - FIELD_SLOPE * self.path_m > guard_m
+            || layer.zone_margin_m(self.place()) > guard_m;
+        !is_outside
     }
 
     /// Follows a sequence to rest; what is kept when that is more than `floor_m`, metres.
@@ -201,15 +193,16 @@ impl Runner {
         if self.kept_m <= floor_m || self.kept_m.is_nan() {
             return None;
         }
+        let mut bend = Bend::NONE;
         for control in controls {
-            if !self.step(scene, control, floor_m) {
+            if !self.step_bent(scene, control, floor_m, &mut bend) {
                 return None;
             }
         }
         let accel_m_s2 = -scene.assumptions.limits.accel_m_s2_max;
         while self.speed_m_s > 0.0 {
             let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2 };
-            if !scene.assumptions.braking_tail || !self.step(scene, braking, floor_m) {
+            if !scene.assumptions.braking_tail || !self.step_bent(scene, braking, floor_m, &mut bend) {
                 return None;
             }
         }

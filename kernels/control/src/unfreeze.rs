@@ -79,7 +79,8 @@ fn way_out(scene: &Scene<'_>, plans: &mut Spares, controls: &mut Vec<Control>) -
                 (SPEED_SHARE * share * scene.assumptions.limits.speed_m_s_max).min(limits.speed_m_s_max);
             let motion = TurnAndDrive { heading_rad, turning_m_s: 0.0, driving_m_s, driving_s: DRIVING_S };
             motion.write(scene.start, &limits, step_s, controls);
-            let plan = Plan::roll_into(plans.take(), scene.start, controls, step_s, &limits, true);
+            let start = (scene.start, scene.heading);
+            let plan = Plan::roll_into(plans.take(), start, controls, step_s, &limits, true);
             let certified = certify(scene, &plan);
             let end = plan.samples()[plan.samples().len() - 1].state;
             let (end_m, _) = scene.nearest(end.position(), 0.0);

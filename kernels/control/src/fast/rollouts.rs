@@ -239,9 +239,11 @@ impl Pass {
         for lane in 0..n_real.min(N) {
             let at = cell_idx[lane] as usize;
             // Beyond the field nothing is known, and nothing is lowered.
-            let pair = |at: usize| ground.values_m.get(at..at + 2).unwrap_or(&[f32::INFINITY; 2]);
-            let (lower, upper) = (pair(at), pair(at.wrapping_add(n_cols)));
-            (a[lane], b[lane], c[lane], d[lane]) = (lower[0], lower[1], upper[0], upper[1]);
+            let pair = |at: usize| match ground.values_m.get(at..at.wrapping_add(2)) {
+                Some([left, right]) => (*left, *right),
+                _ => (f32::INFINITY, f32::INFINITY),
+            };
+            ((a[lane], b[lane]), (c[lane], d[lane])) = (pair(at), pair(at.wrapping_add(n_cols)));
         }
         lower_lanes::<FUSED>(n, here_m, (a, b), (c, d), share_x, share_y, ground.keep_m);
     }

@@ -41,18 +41,17 @@ impl Filter {
         }
         self.exits.age_s = None;
         self.noise_for_this_tick();
-        let (sequences, n_warm) = self.warm_starts();
-        let warm = sequences.each_ref().map(Vec::as_slice);
         let runner = Runner::start(scene);
         let rate = wanted.yaw_rate_rad_s;
         let goal = Wanted { above_m: 0.0, enough_m: self.config.ample_m };
         let mut best = std::mem::take(&mut self.best);
-        search(scene, &self.search, &mut self.noise, runner, (rate, &warm[..n_warm]), goal, &mut best);
-        self.room.warm = sequences;
+        // The last solution and the rest of the last plan.
+        let warm = [&self.safest, &self.plan].into_iter().flatten().map(remaining_controls);
+        search(scene, &self.search, &mut self.noise, runner, (rate, warm), goal, &mut best);
         let choice = match best.value_m {
             Some(v_safe_m) => {
                 let safest = self.roll(scene, &best.controls);
-                let choice = self.choose_certified(scene, nominal, wanted, (v_safe_m, &safest));
+                let choice = self.choose_certified(scene, runner, (nominal, wanted), (v_safe_m, &safest));
                 let last = self.safest.replace(safest);
                 self.room.plans.keep(last);
                 choice
@@ -77,8 +76,8 @@ impl Filter {
     fn choose_certified(
         &mut self,
         scene: &Scene<'_>,
-        nominal: Twist,
-        wanted: Control,
+        runner: Runner,
+        (nominal, wanted): (Twist, Control),
         (v_safe_m, safest): (f64, &Plan),
     ) -> Option<Choice> {
         let config = &self.config;
@@ -88,18 +87,18 @@ impl Filter {
         };
         let capped = capped(scene, nominal, config.step_s);
         // The nominal control is the nearest of the primitives; the others are made when it does not pass.
-        let mut passed = self.continues(scene, safest, wanted, needed_m).then_some(wanted);
+        let mut passed = self.continues(scene, runner, safest, wanted, needed_m).then_some(wanted);
         if passed.is_none() && is_blending {
             let (room, limits) = (std::mem::take(&mut self.room.primitives), &scene.assumptions.limits);
             let all = primitives(wanted, capped, limits, &scene.limits_in_force(), room);
             let mut others = all.iter().copied().skip(1);
-            passed = others.find(|&first| self.continues(scene, safest, first, needed_m));
+            passed = others.find(|&first| self.continues(scene, runner, safest, first, needed_m));
             self.room.primitives = all;
         }
         // A wish that is too fast for a rule in force is held to it, not refused: one that turns too fast would stop
         // the robot for good.
         if passed.is_none() && !is_blending && capped != wanted {
-            passed = Some(capped).filter(|&first| self.continues(scene, safest, first, needed_m));
+            passed = Some(capped).filter(|&first| self.continues(scene, runner, safest, first, needed_m));
         }
         let (plan, action, v_sent_m) = match passed {
             Some(first) => {
@@ -133,25 +132,24 @@ impl Filter {
     }
 
     /// Whether a certified plan begins with a control and keeps at least `needed_m`; left in `continued`.
-    fn continues(&mut self, scene: &Scene<'_>, safest: &Plan, first: Control, needed_m: f64) -> bool {
+    fn continues(
+        &mut self,
+        scene: &Scene<'_>,
+        mut runner: Runner,
+        safest: &Plan,
+        first: Control,
+        needed_m: f64,
+    ) -> bool {
         // Only what is enough counts: the rest of each rollout is not even looked at.
         let goal = Wanted { above_m: needed_m.next_down().max(0.0), enough_m: needed_m };
-        let mut runner = Runner::start(scene);
         if !runner.step(scene, first, goal.above_m) {
             return false;
         }
         // The last solution, from where the first step ends.
-        let n_after = safest.samples().len().saturating_sub(2);
-        let mut after = std::mem::take(&mut self.room.after);
-        after.clear();
-        after.extend((1..=n_after).map(|k| safest.control_at(k as f64 * safest.step_s())));
-        let warm = [after.as_slice()];
-        let from = (first.yaw_rate_rad_s, &warm[..]);
-        let continued = &mut self.continued;
-        search(scene, &self.search, &mut self.noise, runner, from, goal, continued);
-        let is_found = continued.value_m.is_some();
-        self.room.after = after;
-        is_found
+        let after = std::iter::once(safest.controls(1..safest.samples().len() - 1));
+        let from = (first.yaw_rate_rad_s, after);
+        search(scene, &self.search, &mut self.noise, runner, from, goal, &mut self.continued);
+        self.continued.value_m.is_some()
     }
 
     /// What holds a control back: the first thing that braking right after it would break, else come nearest.
@@ -278,22 +276,10 @@ impl Filter {
         self.noise.begin(self.config.seed, self.tick, (n_rounds.max(1), n_samples), n_steps);
     }
 
-    /// The last solution and the rest of the last plan, as sequences from now; how many of the two there are.
-    fn warm_starts(&mut self) -> ([Vec<Control>; 2], usize) {
-        let mut sequences = std::mem::take(&mut self.room.warm);
-        let mut n_warm = 0;
-        for (to, plan) in sequences.iter_mut().zip([&self.safest, &self.plan].into_iter().flatten()) {
-            to.clear();
-            to.extend(remaining_controls(plan));
-            n_warm += 1;
-        }
-        (sequences, n_warm)
-    }
-
     fn roll(&mut self, scene: &Scene<'_>, controls: &[Control]) -> Plan {
         let Assumptions { limits, step_s, braking_tail, .. } = scene.assumptions;
         let room = self.room.plans.take();
-        Plan::roll_into(room, scene.start, controls, step_s, &limits, braking_tail)
+        Plan::roll_into(room, (scene.start, scene.heading), controls, step_s, &limits, braking_tail)
     }
 
     fn copied(&mut self, plan: &Plan) -> Plan {

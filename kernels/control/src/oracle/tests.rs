@@ -150,7 +150,7 @@ fn the_score_is_the_oracles_and_never_falls_over_the_rounds() {
         for n_rounds in 0..=4 {
             let parameters = Search { n_rounds, ..search_of(&case.config) };
             let mut best = Best::default();
-            let from = (0.3, &[warm.as_slice()][..]);
+            let from = (0.3, std::iter::once(warm.iter().copied()));
             let goal = Wanted { above_m: 0.0, enough_m: f64::INFINITY };
             search(&scene, &parameters, &mut noise, Runner::start(&scene), from, goal, &mut best);
             let slow = score(

@@ -61,7 +61,7 @@ impl Work for Nearest<'_> {
     }
 }
 
-/// Which of some points can be nearest to some place in a square.
+/// Which of some points can be nearest to some place in a square; how many.
 ///
 /// Who is farther than the one nearest to the centre from all four corners, is so everywhere between them: the
 /// difference of two squared distances is linear.
@@ -75,9 +75,9 @@ pub(super) struct Candidates<'a> {
 }
 
 impl Work for Candidates<'_> {
-    type Output = ();
+    type Output = usize;
     #[inline(always)]
-    fn run<const FUSED: bool>(self) {
+    fn run<const FUSED: bool>(self) -> usize {
         let Candidates { x_m, y_m, square_m2, is_candidate, centre, side_m } = self;
         let n = x_m.len().min(y_m.len()).min(square_m2.len()).min(is_candidate.len());
         let (x_m, y_m) = (&x_m[..n], &y_m[..n]);
@@ -98,12 +98,13 @@ impl Work for Candidates<'_> {
             lane = if least_m2[k] < least_m2[lane] { k } else { lane };
         }
         let nearest = at[lane] as usize * N_BLOCK + lane;
-        let (Some(nearest_x), Some(nearest_y)) = (x_m.get(nearest), y_m.get(nearest)) else { return };
+        let (Some(nearest_x), Some(nearest_y)) = (x_m.get(nearest), y_m.get(nearest)) else { return 0 };
         let limit_m2 = least_m2[lane] + ROUNDING_M2;
         for k in 0..n {
             let apart_m = (x_m[k] - nearest_x).abs() + (y_m[k] - nearest_y).abs();
             is_candidate[k] = u8::from(square_m2[k] - limit_m2 <= side_m * apart_m);
         }
+        is_candidate.iter().map(|flag| u32::from(*flag)).fold(0, u32::wrapping_add) as usize
     }
 }
 

@@ -10,7 +10,7 @@ use super::{FIELD_SLOPE, Runner, Search};
 use crate::dynamics::Control;
 use crate::fast::rollouts::{Drawn, From, Ground, Hits, Motion, N_STEPS_MAX, ROUNDING_M, Rollouts};
 use crate::noise::Noise;
-use crate::scene::{Assumptions, Scene, Shape};
+use crate::scene::{Assumptions, ON_MAP_M, Scene, Shape, SpatialLayer};
 
 /// Most fields that are looked at, the nearest.
 const N_FIELDS: usize = 2;
@@ -98,7 +98,12 @@ impl<'a> Around<'a> {
         let reach_m = length_m_max * n_steps as f64;
         let mut around = Around { grounds: [Ground::NONE; N_FIELDS], n_fields: 0, n_far_hits: usize::MAX };
         points.clear();
-        for layer in scene.spatial.iter().filter(|layer| !layer.soft).take(N_FIELDS + 1) {
+        let layers = scene.spatial.iter().filter(|layer| !layer.soft);
+        let is_scan = |layer: &&SpatialLayer<'_>| matches!(layer.shape, Shape::Points(..));
+        let scan_m = layers.clone().find(is_scan).map_or(f64::INFINITY, |scan| scan.start_m);
+        // A map shows the walls that the scan sees, too: to look at one of the two is enough.
+        let is_seen = |layer: &SpatialLayer<'_>| layer.is_base() && layer.start_m > scan_m - ON_MAP_M;
+        for layer in layers.filter(|layer| is_scan(layer) || !is_seen(layer)).take(N_FIELDS + 1) {
             // Who is farther than the nearest may matter only once that lead has been driven.
             let lead_m = (layer.start_m - runner.path_m - runner.here_m).max(0.0);
             let n_far = (lead_m / (FIELD_SLOPE * length_m_max)) as usize;

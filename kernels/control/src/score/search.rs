@@ -65,14 +65,14 @@ pub(crate) struct Wanted {
 
 /// Searches the continuation of `runner` that keeps the largest margin.
 ///
-/// `rate_rad_s` is the turn rate of the moment; `warm` are sequences to try first: the last solution, the
-/// rest of the last plan. The answer is in `best`.
-pub(crate) fn search(
+/// `rate_rad_s` is the turn rate of the moment; `warm` are sequences to try first, made as they are asked for: the
+/// last solution, the rest of the last plan. The answer is in `best`.
+pub(crate) fn search<W: Iterator<Item = Control> + Clone>(
     scene: &Scene<'_>,
     search: &Search,
     noise: &mut Noise,
     runner: Runner,
-    (rate_rad_s, warm): (f64, &[&[Control]]),
+    (rate_rad_s, warm): (f64, impl Iterator<Item = W> + Clone),
     Wanted { above_m, enough_m }: Wanted,
     best: &mut Best,
 ) {
@@ -91,27 +91,27 @@ pub(crate) fn search(
             return;
         }
     }
-    for sequence in warm {
-        best.consider(scene, runner, sequence.iter().copied());
+    for sequence in warm.clone() {
+        best.consider(scene, runner, sequence);
         if best.suffices(enough_m) {
             return;
         }
     }
     for round in 0..search.n_rounds {
-        sample(scene, search, (noise, round), runner, warm, best);
+        sample(scene, search, (noise, round), runner, warm.clone().next(), best);
         if best.suffices(enough_m) {
             return;
         }
     }
 }
 
-/// Samples one round around the best so far.
+/// Samples one round around the best so far; around `first_warm`, else braking, where nothing is certified yet.
 fn sample(
     scene: &Scene<'_>,
     search: &Search,
     (noise, round): (&mut Noise, usize),
     runner: Runner,
-    warm: &[&[Control]],
+    first_warm: Option<impl Iterator<Item = Control>>,
     best: &mut Best,
 ) {
     if search.n_samples == 0 {
@@ -120,10 +120,10 @@ fn sample(
     let limits = scene.assumptions.limits;
     let mut incumbent = std::mem::take(&mut best.trial);
     incumbent.clear();
-    // Nothing certified yet: sample around the last solution, else around braking.
-    let first_warm: &[Control] = warm.first().copied().unwrap_or(&[]);
-    let around = if best.value_m.is_some() { &best.controls[..] } else { first_warm };
-    incumbent.extend(around.iter().take(search.n_steps));
+    match best.value_m {
+        Some(_) => incumbent.extend(best.controls.iter().take(search.n_steps)),
+        None => incumbent.extend(first_warm.into_iter().flatten().take(search.n_steps)),
+    }
     let braking = Control { yaw_rate_rad_s: 0.0, accel_m_s2: -limits.accel_m_s2_max };
     incumbent.resize(search.n_steps, braking);
     let mut bounds = std::mem::take(&mut best.bounds);
