@@ -8,10 +8,12 @@ use geometry::Point2;
 use crate::costmap::{Blocked, Costmap};
 
 mod buckets;
+mod place;
 mod search;
 #[cfg(test)]
 mod tests;
 
+use place::Place;
 use search::Search;
 
 /// Why there is no path.
@@ -64,16 +66,15 @@ pub fn shortest_path(map: &Costmap, start: Point2, goal: Point2) -> Result<Vec<P
         Blocked::Obstacle => return Err(NoPath::GoalAtObstacle),
         Blocked::Zone(zone_idx) => return Err(NoPath::GoalInZone { zone_idx }),
     }
-    let weights = map.weights();
-    let mut search = Search::new(weights);
-    let [from, to] = [start_cell, goal_cell].map(|cell| weights.position(cell));
+    let mut search = Search::new(map.weights());
+    let (from, to) = (Place::of(start_cell), Place::of(goal_cell));
     search.run(from, to);
     let mut path = vec![goal];
     let (mut here, mut step) = (to, 0);
     while here != from {
         (here, step) = search.before(here, step).ok_or(NoPath::Closed)?;
         if here != from {
-            path.push(layout.centre(weights.cell(here)));
+            path.push(layout.centre(here.cell()));
         }
     }
     path.push(start);

@@ -1,139 +1,144 @@
 //! The search itself: A* in arrays, a row of neighbours at a time.
 //!
-//! Costs are in cells of plain floor. Deliberately not here: what is open and in which order (`buckets`), and
-//! metres (`astar`).
+//! Costs are counted in buckets, of which a cell of plain floor is [`BUCKETS_PER_CELL`]. Deliberately not here: which
+//! steps are allowed (`costmap`), in which order cells are looked at (`buckets`), and metres (`astar`).
 
 use std::f32::consts::SQRT_2;
 
 use wide::f32x4;
 
-use super::buckets::{Buckets, Place};
-use crate::costmap::Weights;
+use super::buckets::{BUCKETS_PER_CELL, Buckets};
+use super::place::Place;
+use crate::costmap::{STEPS, Weights};
 
-/// The eight steps, as columns and rows, by row and column.
-pub(super) const STEPS: [(i32, i32); 8] =
-    [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
-/// Their lengths, cells.
-const LENGTHS: [f32; 8] = [SQRT_2, 1.0, SQRT_2, 1.0, 1.0, SQRT_2, 1.0, SQRT_2];
-/// By which of the eight cells around may be stepped on, as bits: which steps do not cut a corner of the others.
-static CLEAR_OF_CORNERS: [u8; 256] = clear_of_corners();
-
-const fn clear_of_corners() -> [u8; 256] {
-    let mut table = [0; 256];
-    let mut open = 0;
-    while open < table.len() {
-        let (below, left, right, above) = (open >> 1 & 1, open >> 3 & 1, open >> 4 & 1, open >> 6 & 1);
-        let diagonals = (below & left) | (below & right) << 2 | (above & left) << 5 | (above & right) << 7;
-        table[open] = (open & (0b0101_1010 | diagonals)) as u8;
-        open += 1;
-    }
-    table
-}
+/// Lengths of a step to the side and along a diagonal, buckets.
+const STRAIGHT: f32 = BUCKETS_PER_CELL;
+const DIAGONAL: f32 = SQRT_2 * BUCKETS_PER_CELL;
+/// Lengths of the steps to the rows below and above, and to the cells beside.
+const AT_SIDES: f32x4 = f32x4::new([DIAGONAL, STRAIGHT, DIAGONAL, 0.0]);
+const BESIDE: f32x4 = f32x4::new([STRAIGHT, 0.0, STRAIGHT, 0.0]);
+/// Where the columns of a row lie, beside the cell's own.
+const COLUMNS: f32x4 = f32x4::new([-STRAIGHT, 0.0, STRAIGHT, 2.0 * STRAIGHT]);
 
 /// What a search knows of each cell. It looks at the cells around one row by row, each row at once.
 pub(super) struct Search<'a> {
     weights: &'a Weights,
-    /// Cost of the cheapest way known, cells; below zero once the ways on from there are known.
+    /// Cost of the cheapest way known, buckets; below zero once the ways on from there are known.
     costs: Vec<f32>,
-    /// From a cell to the eight around it.
-    ways: [isize; 8],
+    /// By lane, from a cell to those around it.
+    ways: [usize; N_LANES],
+}
+
+/// Lanes of three rows of four.
+const N_LANES: usize = 12;
+/// The lane that each step leads to.
+const LANES: [usize; STEPS.len()] = [0, 1, 2, 4, 6, 8, 9, 10];
+/// By steps as bits, their lanes as bits.
+static LANES_OF_STEPS: [u16; 256] = lanes_of_steps();
+
+const fn lanes_of_steps() -> [u16; 256] {
+    let mut table = [0; 256];
+    let mut steps = 0;
+    while steps < table.len() {
+        table[steps] =
+            (steps & 0x07 | (steps & 0x08) << 1 | (steps & 0x10) << 2 | (steps & 0xE0) << 3) as u16;
+        steps += 1;
+    }
+    table
 }
 
 impl<'a> Search<'a> {
     pub(super) fn new(weights: &'a Weights) -> Self {
-        let stride = weights.stride as isize;
-        let ways = STEPS.map(|(dx, dy)| dy as isize * stride + dx as isize);
+        let mut ways = [0; N_LANES];
+        for (lane, way) in ways.iter_mut().enumerate() {
+            *way = (lane / 4 * weights.stride + lane % 4).wrapping_sub(weights.stride + 1);
+        }
         Search { weights, costs: vec![f32::INFINITY; weights.values.len()], ways }
     }
 
     /// Finds the cheapest way to the goal, if there is one.
-    pub(super) fn run(&mut self, start: usize, goal: usize) {
+    pub(super) fn run(&mut self, start: Place, goal: Place) {
         let stride = self.weights.stride;
-        let place =
-            |position: usize| Place { col: (position % stride) as u16, row: (position / stride) as u16 };
-        let goal_place = place(goal);
+        let goal_position = goal.position(stride);
         let mut open = Buckets::new();
-        self.costs[start] = 0.0;
-        open.push(0.0, place(start));
-        while let Some(place) = open.pop(self.costs[goal].abs()) {
-            let here = usize::from(place.row) * stride + usize::from(place.col);
-            let cost = self.costs[here];
-            if cost.is_sign_negative() {
-                continue;
+        self.costs[start.position(stride)] = 0.0;
+        open.push(0, start);
+        // No way over a cell in a later bucket could be cheaper.
+        while !open.is_empty() && open.present() < self.costs[goal_position].abs() {
+            while let Some(place) = open.pop() {
+                let here = place.position(stride);
+                let cost = self.costs[here];
+                if cost.is_sign_negative() {
+                    continue;
+                }
+                self.costs[here] = -cost;
+                let mut found = self.look_around(here, cost, place.off(goal));
+                while found.lanes != 0 {
+                    let lane = found.lanes.trailing_zeros() as usize % N_LANES;
+                    found.lanes &= found.lanes - 1;
+                    self.costs[here.wrapping_add(self.ways[lane])] = found.costs[lane];
+                    open.push(found.buckets[lane], place.after(lane));
+                }
             }
-            self.costs[here] = -cost;
-            let mut found = self.look_around(here, cost);
-            while found.steps != 0 {
-                let step = found.steps.trailing_zeros() as usize;
-                found.steps &= found.steps - 1;
-                let (cost, next) = (found.costs[step], place.after(STEPS[step]));
-                self.costs[here.wrapping_add_signed(self.ways[step])] = cost;
-                open.push(cost + next.octile(goal_place), next);
-            }
+            open.next();
         }
     }
 
-    /// Which steps lead cheaper to a cell around than what is known, and at what cost.
+    /// Which steps lead cheaper to a cell around than what is known, and at what cost. `off` is how many columns and
+    /// rows the goal is away.
     #[inline(always)]
-    fn look_around(&self, here: usize, cost: f32) -> Around {
-        const AT_SIDES: f32x4 = f32x4::new([SQRT_2, 1.0, SQRT_2, 0.0]);
-        const BESIDE: f32x4 = f32x4::new([1.0, 0.0, 1.0, 0.0]);
-        let row = |first: usize, lengths: f32x4| {
-            let costs = f32x4::splat(cost) + lengths * four(&self.weights.values, first).abs();
-            (costs.simd_lt(four(&self.costs, first).abs()).to_bitmask(), costs.to_array())
-        };
-        let stride = self.weights.stride;
-        let (below, [c0, c1, c2, _]) = row(here - stride - 1, AT_SIDES);
-        let (beside, [c3, _, c4, _]) = row(here - 1, BESIDE);
-        let (above, [c5, c6, c7, _]) = row(here + stride - 1, AT_SIDES);
-        let steps = bits([below, beside, above]) & self.allowed(here);
-        Around { steps, costs: [c0, c1, c2, c3, c4, c5, c6, c7] }
-    }
-
-    /// Which steps are allowed: out of an inflated area, never into one, and around corners.
-    #[inline(always)]
-    fn allowed(&self, here: usize) -> u8 {
-        let stride = self.weights.stride;
-        let is_free = self.weights.values[here] > 0.0;
-        let rows = [here - stride - 1, here - 1, here + stride - 1].map(|first| {
-            let weights = four(&self.weights.values, first);
-            let there = if is_free { weights } else { weights.abs() };
-            (there.simd_gt(f32x4::ZERO) & there.simd_lt(f32x4::splat(f32::INFINITY))).to_bitmask()
-        });
-        CLEAR_OF_CORNERS[usize::from(bits(rows))]
+    fn look_around(&self, here: usize, cost: f32, off: [f32; 2]) -> Around {
+        let [off_col, off_row] = off.map(|off| off * STRAIGHT);
+        let off_cols = (f32x4::splat(off_col) + COLUMNS).abs();
+        let mut around = Around { lanes: 0, costs: [0.0; N_LANES], buckets: [0; N_LANES] };
+        let rows = [(-STRAIGHT, AT_SIDES), (0.0, BESIDE), (STRAIGHT, AT_SIDES)];
+        for (nth, (row, lengths)) in rows.into_iter().enumerate() {
+            let first = here.wrapping_add(self.ways[4 * nth]);
+            let costs = f32x4::splat(cost) + lengths * four(&self.weights.values, first);
+            let is_cheaper = costs.simd_lt(four(&self.costs, first).abs());
+            // The shortest way on over eight neighbours.
+            let off_rows = f32x4::splat((off_row + row).abs());
+            let (long, short) = (off_cols.fast_max(off_rows), off_cols.fast_min(off_rows));
+            let whole = costs + long + short * (SQRT_2 - 1.0);
+            around.lanes |= is_cheaper.to_bitmask() << (4 * nth);
+            around.costs[4 * nth..4 * nth + 4].copy_from_slice(&costs.to_array());
+            around.buckets[4 * nth..4 * nth + 4].copy_from_slice(&whole.fast_trunc_int().to_array());
+        }
+        around.lanes &= u32::from(LANES_OF_STEPS[usize::from(self.weights.steps[here])]);
+        around
     }
 
     /// The cell before one on the cheapest way to it, and the step from there; `None` when no way leads there. Of
     /// ways that cost the same it is the one that goes straight on by `step`.
-    pub(super) fn before(&self, here: usize, step: usize) -> Option<(usize, usize)> {
-        let (cost, weight) = (self.costs[here].abs(), self.weights.values[here].abs());
+    pub(super) fn before(&self, place: Place, step: usize) -> Option<(Place, usize)> {
+        let here = place.position(self.weights.stride);
+        let (cost, weight) = (self.costs[here].abs(), self.weights.values[here]);
         if cost == f32::INFINITY {
             return None;
         }
-        let others = (0..STEPS.len()).filter(|other| *other != step);
-        let mut befores = std::iter::once(step).chain(others).filter_map(|step| {
-            let from = here.checked_add_signed(-self.ways[step])?;
-            let is_before = self.costs[from].abs() + LENGTHS[step] * weight <= cost;
-            (is_before && self.allowed(from) >> step & 1 == 1).then_some((from, step))
-        });
-        befores.next()
+        let leads_here = |step: usize| {
+            let from = here.wrapping_sub(self.ways[LANES[step]]);
+            let (dx, dy) = STEPS[step];
+            let length = if dx != 0 && dy != 0 { DIAGONAL } else { STRAIGHT };
+            self.costs[from].abs() + length * weight <= cost && self.weights.steps[from] >> step & 1 == 1
+        };
+        let step = if leads_here(step) { step } else { (0..STEPS.len()).find(|step| leads_here(*step))? };
+        Some((place.before(LANES[step]), step))
     }
 }
 
 /// Four values in a row; past the end nothing is cheap.
 #[inline(always)]
 fn four(values: &[f32], first: usize) -> f32x4 {
-    f32x4::new(values[first..].first_chunk::<4>().copied().unwrap_or([f32::INFINITY; 4]))
+    let Some(values) = values.get(first..).and_then(|values| values.first_chunk::<4>()) else {
+        return f32x4::splat(f32::INFINITY);
+    };
+    f32x4::new(*values)
 }
 
-/// Bits of the cells around one, by those of the three rows.
-#[inline(always)]
-fn bits([below, beside, above]: [u32; 3]) -> u8 {
-    ((below & 7) | (beside & 1) << 3 | (beside & 4) << 2 | (above & 7) << 5) as u8
-}
-
-/// Steps that are worth it, as bits, and what each would cost.
+/// Steps that are worth it, as bits by lane, what each costs, and the bucket of the whole way over it.
 struct Around {
-    steps: u8,
-    costs: [f32; 8],
+    lanes: u32,
+    costs: [f32; N_LANES],
+    buckets: [i32; N_LANES],
 }

@@ -1,7 +1,7 @@
 //! Laws of the planner's search: ways go around what stands, none is cheaper, and what cannot be reached is named.
 
-use super::search::STEPS;
 use super::*;
+use crate::costmap::STEPS;
 use geometry::Profile;
 use mapping::{Cell, Grid, Layout, Occupancy, Shape};
 use proptest::prelude::*;

@@ -1,0 +1,63 @@
+//! A cell on the map with its border, in four bytes.
+//!
+//! Deliberately not here: what lies there (`costmap`), and what a search knows of it (`search`).
+
+use mapping::Cell;
+
+/// Row and column, counted with the border.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct Place(u32);
+
+/// The place by one row more. A column more is 1.
+const ROW: u32 = 1 << 16;
+
+impl Place {
+    /// The place of a cell of the map.
+    pub(super) fn of(cell: Cell) -> Place {
+        Place(cell.row as u32 * ROW + cell.col as u32 + ROW + 1)
+    }
+
+    /// The cell of the map at a place that is not on the border.
+    pub(super) fn cell(self) -> Cell {
+        let [col, row] = self.col_and_row();
+        Cell { col: col as usize - 1, row: row as usize - 1 }
+    }
+
+    /// Where it lies among the values of a map.
+    #[inline(always)]
+    pub(super) fn position(self, stride: usize) -> usize {
+        let [col, row] = self.col_and_row();
+        (row as usize).wrapping_mul(stride).wrapping_add(col as usize)
+    }
+
+    /// The place that a lane of the cells around leads to.
+    #[inline(always)]
+    pub(super) fn after(self, lane: usize) -> Place {
+        Place(self.0.wrapping_add(way(lane)))
+    }
+
+    /// The place that a lane leads from.
+    #[inline(always)]
+    pub(super) fn before(self, lane: usize) -> Place {
+        Place(self.0.wrapping_sub(way(lane)))
+    }
+
+    /// How many columns and rows it lies off another place.
+    #[inline(always)]
+    pub(super) fn off(self, other: Place) -> [f32; 2] {
+        let ([col, row], [other_col, other_row]) = (self.col_and_row(), other.col_and_row());
+        [col.wrapping_sub(other_col) as f32, row.wrapping_sub(other_row) as f32]
+    }
+
+    #[inline(always)]
+    fn col_and_row(self) -> [i32; 2] {
+        [(self.0 % ROW) as i32, (self.0 / ROW) as i32]
+    }
+}
+
+/// From a place to that of a lane.
+#[inline(always)]
+fn way(lane: usize) -> u32 {
+    let (row, col) = ((lane / 4) as u32, (lane % 4) as u32);
+    row.wrapping_mul(ROW).wrapping_add(col).wrapping_sub(ROW + 1)
+}
