@@ -5,9 +5,9 @@
 
 use super::place::Place;
 
-/// Buckets for each cell's length. More are walked in vain where ways are narrow, with fewer cells are looked at more
-/// than once.
-pub(super) const BUCKETS_PER_CELL: f32 = 4.0;
+/// Buckets for each cell's length. Of more many are empty where ways are narrow; with fewer, more cells are looked at
+/// twice where they are wide.
+pub(super) const BUCKETS_PER_CELL: f32 = 2.0;
 /// So many buckets are ahead of the present one: more than the dearest step adds, out of an inflated area.
 const N_BUCKETS: usize = 512;
 
@@ -17,31 +17,19 @@ pub(super) struct Buckets {
     last: [u32; N_BUCKETS],
     /// Every entry there ever was, and the place of the one before it in its bucket.
     entries: Vec<(Place, u32)>,
-    /// The present bucket, counted from cost 0.
+    /// The present bucket, counted from cost 0; all that is open lies less than the ring's length ahead.
     at: i32,
-    n_open: usize,
+    /// So many entries were looked at.
+    n_popped: usize,
 }
 
 /// The place of no entry.
 const NO_ENTRY: u32 = u32::MAX;
 
 impl Buckets {
-    pub(super) fn new() -> Self {
-        Buckets { last: [NO_ENTRY; N_BUCKETS], entries: Vec::with_capacity(4096), at: 0, n_open: 0 }
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.n_open == 0
-    }
-
-    /// No way over a cell that is open costs less, buckets.
-    pub(super) fn present(&self) -> f32 {
-        self.at as f32
-    }
-
-    /// Goes on to the next bucket.
-    pub(super) fn next(&mut self) {
-        self.at += 1;
+    /// With nothing in them; the first bucket is where the search starts.
+    pub(super) fn starting_at(first: i32) -> Self {
+        Buckets { last: [NO_ENTRY; N_BUCKETS], entries: Vec::with_capacity(4096), at: first, n_popped: 0 }
     }
 
     #[inline(always)]
@@ -49,16 +37,41 @@ impl Buckets {
         // Too early is only looked at too early.
         let last = &mut self.last[bucket.max(self.at) as usize % N_BUCKETS];
         self.entries.push((place, std::mem::replace(last, self.entries.len() as u32)));
-        self.n_open = self.n_open.wrapping_add(1);
     }
 
-    /// One of the present bucket.
+    /// Takes all that is in the first bucket with anything in it, as a chain; `None` when nothing is open. What comes
+    /// into that bucket meanwhile waits for the next call.
     #[inline(always)]
-    pub(super) fn pop(&mut self) -> Option<Place> {
-        let last = &mut self.last[self.at as usize % N_BUCKETS];
-        let (place, before) = self.entries.get(*last as usize)?;
-        *last = *before;
-        self.n_open = self.n_open.wrapping_sub(1);
+    pub(super) fn take(&mut self) -> Option<Chain> {
+        if self.n_popped == self.entries.len() {
+            return None;
+        }
+        // Within the ring there is one.
+        let ahead = (self.at..).take(N_BUCKETS).find(|at| self.last[*at as usize % N_BUCKETS] != NO_ENTRY)?;
+        self.at = ahead;
+        let last = std::mem::replace(&mut self.last[ahead as usize % N_BUCKETS], NO_ENTRY);
+        Some(Chain { last, bucket: ahead })
+    }
+
+    /// The next of a chain.
+    #[inline(always)]
+    pub(super) fn pop(&mut self, chain: &mut Chain) -> Option<Place> {
+        let (place, before) = self.entries.get(chain.last as usize)?;
+        chain.last = *before;
+        self.n_popped = self.n_popped.wrapping_add(1);
         Some(*place)
+    }
+}
+
+/// Entries that were in one bucket, the last one first.
+pub(super) struct Chain {
+    last: u32,
+    bucket: i32,
+}
+
+impl Chain {
+    /// No way over any of its cells costs less, buckets.
+    pub(super) fn least(&self) -> f32 {
+        self.bucket as f32
     }
 }

@@ -8,6 +8,8 @@ use mapping::Cell;
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) struct Place(u32);
 
+/// Lanes of three rows of four around a place, and of one that is not used.
+pub(super) const N_LANES: usize = 16;
 /// The place by one row more. A column more is 1.
 const ROW: u32 = 1 << 16;
 
@@ -33,13 +35,13 @@ impl Place {
     /// The place that a lane of the cells around leads to.
     #[inline(always)]
     pub(super) fn after(self, lane: usize) -> Place {
-        Place(self.0.wrapping_add(way(lane)))
+        Place(self.0.wrapping_add(WAYS[lane]))
     }
 
     /// The place that a lane leads from.
     #[inline(always)]
     pub(super) fn before(self, lane: usize) -> Place {
-        Place(self.0.wrapping_sub(way(lane)))
+        Place(self.0.wrapping_sub(WAYS[lane]))
     }
 
     /// How many columns and rows it lies off another place.
@@ -55,9 +57,16 @@ impl Place {
     }
 }
 
-/// From a place to that of a lane.
-#[inline(always)]
-fn way(lane: usize) -> u32 {
-    let (row, col) = ((lane / 4) as u32, (lane % 4) as u32);
-    row.wrapping_mul(ROW).wrapping_add(col).wrapping_sub(ROW + 1)
+/// By lane, from a place to those around it.
+static WAYS: [u32; N_LANES] = ways();
+
+const fn ways() -> [u32; N_LANES] {
+    let mut ways = [0; N_LANES];
+    let mut lane = 0;
+    while lane < N_LANES {
+        let (row, col) = ((lane / 4) as u32, (lane % 4) as u32);
+        ways[lane] = (row * ROW + col).wrapping_sub(ROW + 1);
+        lane += 1;
+    }
+    ways
 }

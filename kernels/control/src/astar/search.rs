@@ -8,7 +8,7 @@ use std::f32::consts::SQRT_2;
 use wide::f32x4;
 
 use super::buckets::{BUCKETS_PER_CELL, Buckets};
-use super::place::Place;
+use super::place::{N_LANES, Place};
 use crate::costmap::{STEPS, Weights};
 
 /// Lengths of a step to the side and along a diagonal, buckets.
@@ -29,8 +29,6 @@ pub(super) struct Search<'a> {
     ways: [usize; N_LANES],
 }
 
-/// Lanes of three rows of four.
-const N_LANES: usize = 12;
 /// The lane that each step leads to.
 const LANES: [usize; STEPS.len()] = [0, 1, 2, 4, 6, 8, 9, 10];
 /// By steps as bits, their lanes as bits.
@@ -60,52 +58,62 @@ impl<'a> Search<'a> {
     pub(super) fn run(&mut self, start: Place, goal: Place) {
         let stride = self.weights.stride;
         let goal_position = goal.position(stride);
-        let mut open = Buckets::new();
+        let [off_cols, off_rows] = start.off(goal).map(|off| (off * STRAIGHT).abs());
+        let ahead = off_cols.max(off_rows) + off_cols.min(off_rows) * (SQRT_2 - 1.0);
+        // What is further ahead than the ring is long would be looked at too early: the ring begins at the start.
+        let mut open = Buckets::starting_at(ahead as i32);
         self.costs[start.position(stride)] = 0.0;
-        open.push(0, start);
-        // No way over a cell in a later bucket could be cheaper.
-        while !open.is_empty() && open.present() < self.costs[goal_position].abs() {
-            while let Some(place) = open.pop() {
-                let here = place.position(stride);
-                let cost = self.costs[here];
-                if cost.is_sign_negative() {
-                    continue;
-                }
-                self.costs[here] = -cost;
-                let mut found = self.look_around(here, cost, place.off(goal));
-                while found.lanes != 0 {
-                    let lane = found.lanes.trailing_zeros() as usize % N_LANES;
-                    found.lanes &= found.lanes - 1;
-                    self.costs[here.wrapping_add(self.ways[lane])] = found.costs[lane];
-                    open.push(found.buckets[lane], place.after(lane));
-                }
+        open.push(ahead as i32, start);
+        while let Some(mut chain) = open.take() {
+            // No way over a cell in a later bucket could be cheaper.
+            if chain.least() >= self.costs[goal_position].abs() {
+                return;
             }
-            open.next();
+            while let Some(place) = open.pop(&mut chain) {
+                self.look_around(place, goal, &mut open);
+            }
         }
     }
 
-    /// Which steps lead cheaper to a cell around than what is known, and at what cost. `off` is how many columns and
-    /// rows the goal is away.
+    /// Takes note of the steps from a place that lead cheaper to a cell around than what is known.
     #[inline(always)]
-    fn look_around(&self, here: usize, cost: f32, off: [f32; 2]) -> Around {
-        let [off_col, off_row] = off.map(|off| off * STRAIGHT);
+    fn look_around(&mut self, place: Place, goal: Place, open: &mut Buckets) {
+        let here = place.position(self.weights.stride);
+        // One length for all, so that a place is held against it once.
+        let n = self.costs.len();
+        let (Some(weights), Some(steps)) = (self.weights.values.get(..n), self.weights.steps.get(..n)) else {
+            return;
+        };
+        let costs = &mut self.costs[..n];
+        let cost = costs[here];
+        if cost.is_sign_negative() {
+            return;
+        }
+        costs[here] = -cost;
+        let [off_col, off_row] = place.off(goal).map(|off| off * STRAIGHT);
         let off_cols = (f32x4::splat(off_col) + COLUMNS).abs();
-        let mut around = Around { lanes: 0, costs: [0.0; N_LANES], buckets: [0; N_LANES] };
+        let mut found = 0;
+        let (mut reached, mut buckets) = ([0.0; N_LANES], [0; N_LANES]);
         let rows = [(-STRAIGHT, AT_SIDES), (0.0, BESIDE), (STRAIGHT, AT_SIDES)];
         for (nth, (row, lengths)) in rows.into_iter().enumerate() {
             let first = here.wrapping_add(self.ways[4 * nth]);
-            let costs = f32x4::splat(cost) + lengths * four(&self.weights.values, first);
-            let is_cheaper = costs.simd_lt(four(&self.costs, first).abs());
+            let (Some(weights), Some(known)) = (four(weights, first), four(costs, first)) else { return };
+            let by_here = f32x4::splat(cost) + lengths * weights;
             // The shortest way on over eight neighbours.
             let off_rows = f32x4::splat((off_row + row).abs());
             let (long, short) = (off_cols.fast_max(off_rows), off_cols.fast_min(off_rows));
-            let whole = costs + long + short * (SQRT_2 - 1.0);
-            around.lanes |= is_cheaper.to_bitmask() << (4 * nth);
-            around.costs[4 * nth..4 * nth + 4].copy_from_slice(&costs.to_array());
-            around.buckets[4 * nth..4 * nth + 4].copy_from_slice(&whole.fast_trunc_int().to_array());
+            let whole = by_here + long + short * (SQRT_2 - 1.0);
+            found |= by_here.simd_lt(known.abs()).to_bitmask() << (4 * nth);
+            reached[4 * nth..4 * nth + 4].copy_from_slice(&by_here.to_array());
+            buckets[4 * nth..4 * nth + 4].copy_from_slice(&whole.fast_trunc_int().to_array());
         }
-        around.lanes &= u32::from(LANES_OF_STEPS[usize::from(self.weights.steps[here])]);
-        around
+        found &= u32::from(LANES_OF_STEPS[usize::from(steps[here])]);
+        while found != 0 {
+            let lane = found.trailing_zeros() as usize % N_LANES;
+            found &= found - 1;
+            costs[here.wrapping_add(self.ways[lane])] = reached[lane];
+            open.push(buckets[lane], place.after(lane));
+        }
     }
 
     /// The cell before one on the cheapest way to it, and the step from there; `None` when no way leads there. Of
@@ -127,18 +135,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Four values in a row; past the end nothing is cheap.
+/// Four values in a row.
 #[inline(always)]
-fn four(values: &[f32], first: usize) -> f32x4 {
-    let Some(values) = values.get(first..).and_then(|values| values.first_chunk::<4>()) else {
-        return f32x4::splat(f32::INFINITY);
-    };
-    f32x4::new(*values)
-}
-
-/// Steps that are worth it, as bits by lane, what each costs, and the bucket of the whole way over it.
-struct Around {
-    lanes: u32,
-    costs: [f32; N_LANES],
-    buckets: [i32; N_LANES],
+fn four(values: &[f32], first: usize) -> Option<f32x4> {
+    values.get(first..)?.first_chunk::<4>().map(|values| f32x4::new(*values))
 }
