@@ -7,7 +7,12 @@
 use geometry::{Point2, Profile};
 use mapping::distance::signed_distance;
 use mapping::field::CONSERVATIVE_CELLS;
-use mapping::{Cell, DistanceField, Grid, Layout, Occupancy, Shape};
+use mapping::{Cell, DistanceField, Grid, Layout, Occupancy};
+
+mod weights;
+
+use weights::Ground;
+pub(crate) use weights::{STEPS, Weights};
 
 /// Hull clearance that planner and filter share, beyond what the field is conservative by, metres. At 0.02
 /// less of it 18 of 200 worlds froze in a prototype, with it none.
@@ -36,36 +41,6 @@ pub enum Blocked {
     Obstacle,
     /// The zone at this position in the list given to [`Costmap::new`].
     Zone(usize),
-}
-
-/// What a metre costs in each cell, and a metre of plain floor costs 1.
-///
-/// With a border of solid cells around the map, so that every cell has eight neighbours.
-#[derive(Clone, Debug)]
-pub(crate) struct Weights {
-    /// Cells of a row, the border's with it.
-    pub(crate) stride: usize,
-    /// By row and column: below 0 in inflated areas, which are only ever left; infinite where something stands, which
-    /// is never passed, not even to get out of one.
-    pub(crate) values: Vec<f32>,
-}
-
-impl Weights {
-    fn solid(shape: Shape) -> Weights {
-        let stride = shape.n_cols + 2;
-        // One more than there are, so that four can be read from any neighbour on.
-        Weights { stride, values: vec![f32::INFINITY; stride * (shape.n_rows + 2) + 1] }
-    }
-
-    /// Where a cell of the map lies among the values.
-    pub(crate) fn position(&self, cell: Cell) -> usize {
-        (cell.row + 1) * self.stride + cell.col + 1
-    }
-
-    /// The cell of the map that lies at a position.
-    pub(crate) fn cell(&self, position: usize) -> Cell {
-        Cell { col: position % self.stride - 1, row: position / self.stride - 1 }
-    }
 }
 
 /// Cells that the centre may be in, and the cost of being there.
@@ -99,9 +74,8 @@ impl Costmap {
         // What a conservative field of these cells must still show.
         let on_field_m = clearance_m - CONSERVATIVE_CELLS * layout.resolution_m;
         let n_cells = layout.shape.n_cells();
-        let (mut blocked_by, mut weights) = (Vec::with_capacity(n_cells), Weights::solid(layout.shape));
-        let mut margins_m = Vec::with_capacity(n_cells);
-        for (idx, cell) in layout.cells().enumerate() {
+        let (mut blocked_by, mut margins_m) = (Vec::with_capacity(n_cells), Vec::with_capacity(n_cells));
+        let grounds = layout.cells().enumerate().map(|(idx, cell)| {
             let place = layout.centre(cell);
             let mut hull_m = f64::from(field.values_m()[idx]) - radius_m;
             let mut blocked = if hull_m < on_field_m { Blocked::Obstacle } else { Blocked::Free };
@@ -117,13 +91,13 @@ impl Costmap {
             margins_m.push(hull_m as f32);
             let unknown = if base.values()[idx] == Occupancy::Unknown { UNKNOWN_COST } else { 0.0 };
             let tight = (1.0 - (hull_m - on_field_m) / COMFORT_M).clamp(0.0, 1.0);
-            let position = weights.position(cell);
-            weights.values[position] = match blocked {
-                _ if occupied.values()[idx] => f32::INFINITY,
-                Blocked::Free => 1.0 + unknown + (tight * DISCOMFORT_COST) as f32,
-                Blocked::Obstacle | Blocked::Zone(_) => -LEAVING_COST,
-            };
-        }
+            match blocked {
+                _ if occupied.values()[idx] => (Ground::Solid, f32::INFINITY),
+                Blocked::Free => (Ground::Free, 1.0 + unknown + (tight * DISCOMFORT_COST) as f32),
+                Blocked::Obstacle | Blocked::Zone(_) => (Ground::Leaving, LEAVING_COST),
+            }
+        });
+        let weights = Weights::new(layout.shape, grounds);
         let margin = DistanceField::from_values(layout, margins_m).ok();
         // The fields are in f32: a border must not be cut by rounding.
         let least_m = on_field_m - 1e-5;
@@ -151,7 +125,7 @@ impl Costmap {
     /// Cost of a metre in a cell of the grid: 1 on plain floor, infinite where something stands.
     #[must_use]
     pub fn weight(&self, cell: Cell) -> f32 {
-        self.weights.values[self.weights.position(cell)].abs()
+        self.weights.values[self.weights.position(cell)]
     }
 
     /// What a search goes by.
@@ -194,6 +168,7 @@ impl Costmap {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mapping::Shape;
 
     fn layout(n_cols: usize, n_rows: usize) -> Layout {
         Layout::new(Point2::origin(), 0.05, Shape { n_cols, n_rows }).unwrap()
