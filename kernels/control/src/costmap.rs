@@ -11,7 +11,6 @@ use mapping::{Cell, DistanceField, Grid, Layout, Occupancy};
 
 mod weights;
 
-use weights::Ground;
 pub(crate) use weights::{STEPS, Weights};
 
 /// Hull clearance that planner and filter share, beyond what the field is conservative by, metres. At 0.02
@@ -74,8 +73,9 @@ impl Costmap {
         // What a conservative field of these cells must still show.
         let on_field_m = clearance_m - CONSERVATIVE_CELLS * layout.resolution_m;
         let n_cells = layout.shape.n_cells();
-        let (mut blocked_by, mut margins_m) = (Vec::with_capacity(n_cells), Vec::with_capacity(n_cells));
-        let grounds = layout.cells().enumerate().map(|(idx, cell)| {
+        let (mut blocked_by, mut weights) = (Vec::with_capacity(n_cells), Weights::solid(layout.shape));
+        let mut margins_m = Vec::with_capacity(n_cells);
+        for (idx, cell) in layout.cells().enumerate() {
             let place = layout.centre(cell);
             let mut hull_m = f64::from(field.values_m()[idx]) - radius_m;
             let mut blocked = if hull_m < on_field_m { Blocked::Obstacle } else { Blocked::Free };
@@ -91,13 +91,14 @@ impl Costmap {
             margins_m.push(hull_m as f32);
             let unknown = if base.values()[idx] == Occupancy::Unknown { UNKNOWN_COST } else { 0.0 };
             let tight = (1.0 - (hull_m - on_field_m) / COMFORT_M).clamp(0.0, 1.0);
-            match blocked {
-                _ if occupied.values()[idx] => (Ground::Solid, f32::INFINITY),
-                Blocked::Free => (Ground::Free, 1.0 + unknown + (tight * DISCOMFORT_COST) as f32),
-                Blocked::Obstacle | Blocked::Zone(_) => (Ground::Leaving, LEAVING_COST),
-            }
-        });
-        let weights = Weights::new(layout.shape, grounds);
+            let position = weights.position(cell);
+            weights.values[position] = match blocked {
+                _ if occupied.values()[idx] => f32::INFINITY,
+                Blocked::Free => 1.0 + unknown + (tight * DISCOMFORT_COST) as f32,
+                Blocked::Obstacle | Blocked::Zone(_) => -LEAVING_COST,
+            };
+        }
+        let weights = weights.with_steps();
         let margin = DistanceField::from_values(layout, margins_m).ok();
         // The fields are in f32: a border must not be cut by rounding.
         let least_m = on_field_m - 1e-5;
