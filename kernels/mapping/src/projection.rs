@@ -114,7 +114,6 @@ impl<'a> TrustedDepth<'a> {
     }
 
     /// Depth at a pixel, metres; `None` when it is not in the mask or not to be trusted.
-    #[cfg(test)]
     pub(crate) fn at_in_mask(&self, col: usize, row: usize) -> Option<f32> {
         if self.in_mask(row * self.width + col) { self.at(col, row) } else { None }
     }

@@ -7,6 +7,7 @@ use mapping::{Cell, Shape};
 /// The eight steps, as columns and rows, by row and column.
 pub(crate) const STEPS: [(i32, i32); 8] =
     [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+
 /// What a metre costs in each cell, where a metre of plain floor costs 1, and which steps are allowed.
 ///
 /// With a border of solid cells around the map, so that every cell has eight neighbours.

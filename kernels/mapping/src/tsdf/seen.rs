@@ -279,7 +279,7 @@ impl Line<'_, '_> {
         let start = row * self.trusted.width() + col;
         let depth_mm = self.frame.depth().depth_mm();
         for (n, out) in out.iter_mut().enumerate() {
-            let is_seen = self.trusted.in_mask(start + n) && self.trusted.at(col + n, row).is_some();
+            let is_seen = self.trusted.at_in_mask(col + n, row).is_some();
             *out = if is_seen { depth_mm.get(start + n).copied().unwrap_or(0) } else { 0 };
         }
     }
