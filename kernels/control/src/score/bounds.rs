@@ -10,10 +10,12 @@ use super::{FIELD_SLOPE, Runner, Search};
 use crate::dynamics::Control;
 use crate::fast::rollouts::{Drawn, From, Ground, Hits, Motion, N_STEPS_MAX, ROUNDING_M, Rollouts};
 use crate::noise::Noise;
-use crate::scene::{Assumptions, ON_MAP_M, Scene, Shape, SpatialLayer};
+use crate::scene::{Assumptions, Scene, Shape};
 
-/// Most fields that are looked at, the nearest.
-const N_FIELDS: usize = 2;
+/// Most layers that are looked at, the nearest: those that are left out make exact rollouts of what they rule out.
+const N_LAYERS: usize = 4;
+/// Most fields among them.
+const N_FIELDS: usize = 3;
 /// Most points that are looked at around each of two places.
 const N_POINTS: usize = 12;
 /// Below a limit by this is within it for sure, m/s and rad: what f32 may take.
@@ -99,11 +101,7 @@ impl<'a> Around<'a> {
         let mut around = Around { grounds: [Ground::NONE; N_FIELDS], n_fields: 0, n_far_hits: usize::MAX };
         points.clear();
         let layers = scene.spatial.iter().filter(|layer| !layer.soft);
-        let is_scan = |layer: &&SpatialLayer<'_>| matches!(layer.shape, Shape::Points(..));
-        let scan_m = layers.clone().find(is_scan).map_or(f64::INFINITY, |scan| scan.start_m);
-        // A map shows the walls that the scan sees, too: to look at one of the two is enough.
-        let is_seen = |layer: &SpatialLayer<'_>| layer.is_base() && layer.start_m > scan_m - ON_MAP_M;
-        for layer in layers.filter(|layer| is_scan(layer) || !is_seen(layer)).take(N_FIELDS + 1) {
+        for layer in layers.take(N_LAYERS) {
             // Who is farther than the nearest may matter only once that lead has been driven.
             let lead_m = (layer.start_m - runner.path_m - runner.here_m).max(0.0);
             let n_far = (lead_m / (FIELD_SLOPE * length_m_max)) as usize;
