@@ -19,7 +19,7 @@ pub(crate) use place::Place;
 /// Driving exactly at a limit complies: tolerance, m/s and rad/s. A limit of 0 in a zone has none.
 pub const LIMIT_TOLERANCE: f64 = 0.01;
 /// Scan hits nearer than this to a mapped obstacle belong to it, metres: scan noise plus a cell.
-pub(crate) const ON_MAP_M: f64 = 0.15;
+const ON_MAP_M: f64 = 0.15;
 /// So near to a limit's zone it is held to before it is in force, metres.
 const AT_ONCE_M: f64 = 0.1;
 /// Farthest place a scene speaks of, metres from the start.

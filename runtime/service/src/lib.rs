@@ -14,6 +14,7 @@ pub mod health;
 pub mod inbox;
 pub mod life;
 pub mod priority;
+pub mod realtime;
 pub mod session;
 
 pub use bus::{Bus, PeerChange, Publisher, Question, Received};

@@ -1,7 +1,6 @@
 //! Who gives way when the CPU is short: the work that may be late to the work that must not.
 //!
-//! Only downwards, which needs no privilege. To put a service before the rest of the machine is the
-//! service manager's to do (`Nice=` in its unit).
+//! Only downwards, which needs no privilege. What must come before the rest of the machine: [`crate::realtime`].
 
 /// Puts the calling thread, and the threads that it starts from now on, `niceness` places behind (0 to 19).
 ///

@@ -5,6 +5,7 @@ use geometry::Profile;
 use proto::codec::within;
 use proto::{Invalid, topics};
 use serde::{Deserialize, Serialize};
+use service::realtime::PRIORITY_MAX;
 
 /// Which control is chosen once the safety score is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,6 +57,9 @@ pub struct FilterSettings {
     pub epsilon_m: f64,
     /// Seed of the sampled controls.
     pub seed: u64,
+    /// Priority of the thread that ticks, under `SCHED_FIFO`, 1 to 99; 0 is the usual scheduling.
+    #[serde(default)]
+    pub realtime_priority: u8,
     /// The tube around every plan.
     pub disturbance: DisturbanceSettings,
     /// Spread of the sampled turn rates, rad/s; half the profile's limit when absent.
@@ -94,6 +98,7 @@ impl FilterSettings {
             gamma_per_s: config.gamma_per_s,
             epsilon_m: config.epsilon_m,
             seed: config.seed,
+            realtime_priority: 0,
             disturbance: DisturbanceSettings { position_m, yaw_rad, speed_m_s, delay_s },
             sigma_yaw_rate_rad_s: None,
             sigma_accel_m_s2: None,
@@ -140,6 +145,7 @@ impl service::Settings for FilterSettings {
     fn check(&self, profile: &Profile) -> Result<(), Invalid> {
         // A command must come at least twice within its own age limit at the robot.
         within("rate_hz", self.rate_hz, topics::SAFE.rate_hz, 200.0)?;
+        within("realtime_priority", f64::from(self.realtime_priority), 0.0, f64::from(PRIORITY_MAX))?;
         if let Some(rate_hz) = self.scan_rate_hz {
             within("scan_rate_hz", rate_hz, 2.0, 100.0)?;
         }
@@ -184,6 +190,7 @@ mod tests {
     fn a_value_out_of_range_is_named_with_its_limit() {
         check(|s| s.rate_hz = 19.9, "rate_hz", "19.9");
         check(|s| s.rate_hz = f64::NAN, "rate_hz", "NaN");
+        check(|s| s.realtime_priority = 100, "realtime_priority", "100");
         check(|s| s.step_s = 0.2, "step_s", "0.2");
         check(|s| s.gamma_per_s = 20.5, "gamma_per_s", "20.5");
         check(|s| s.n_steps = 0, "n_steps", "0");

@@ -2,7 +2,7 @@
 //!
 //! The safe command is put on the bus from the loop itself, which drops under congestion and never blocks.
 //! Everything else, and every distance field, goes through threads of their own: a reader that is stuck
-//! must not hold up a command.
+//! must not hold up a command. The loop's thread comes before all usual ones where that is allowed.
 
 use std::time::Duration;
 
@@ -60,7 +60,9 @@ pub async fn serve(life: Life, settings: FilterSettings) -> anyhow::Result<()> {
         counters: life.counters.clone(),
     };
     life.ready().await?;
-    tick_until_stopped(&life, decider, &inbox, outlets, 1.0 / settings.rate_hz).await
+    let FilterSettings { rate_hz, realtime_priority, .. } = settings;
+    let ticking = async move { tick_until_stopped(&life, decider, &inbox, outlets, 1.0 / rate_hz).await };
+    service::realtime::on_time(realtime_priority, ticking).await?
 }
 
 async fn subscribe(bus: &Bus, inbox: &Inbox<Event>) -> anyhow::Result<()> {

@@ -70,7 +70,12 @@ fn case(seed: u64) -> Case {
     let mut chance = Xoshiro256PlusPlus::seed_from_u64(seed);
     let profile = if seed.is_multiple_of(2) { Profile::sim() } else { Profile::turtlebot2() };
     let n_obstacles = chance.random_range(1..6);
-    let base = vec![BaseLayer { name: "the map".into(), field: discs(&mut chance, n_obstacles) }];
+    let mut base = vec![BaseLayer { name: "the map".into(), field: discs(&mut chance, n_obstacles) }];
+    if seed.is_multiple_of(3) {
+        // What only the camera sees: the scan says nothing of it.
+        let field = discs(&mut Xoshiro256PlusPlus::seed_from_u64(!seed), 4);
+        base.push(BaseLayer { name: "seen in depth".into(), field });
+    }
     let points = (0..chance.random_range(0..20))
         .map(|_| Point2::new(chance.random_range(-2.5..2.5), chance.random_range(-2.5..2.5)))
         .collect();

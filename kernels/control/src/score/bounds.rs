@@ -179,3 +179,56 @@ fn ground(field: &DistanceField, start: Point2, reach_m: f64) -> Option<Ground<'
         ..Ground::NONE
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use geometry::Profile;
+    use mapping::{Layout, Shape as GridShape};
+
+    use super::*;
+    use crate::config::FilterConfig;
+    use crate::dynamics::{Limits, State};
+    use crate::margin::{BaseLayer, World};
+
+    /// A layer of one disc.
+    fn disc(name: &str, centre: Point2, radius_m: f64) -> BaseLayer {
+        let shape = GridShape { n_cols: 200, n_rows: 200 };
+        let layout = Layout::new(Point2::new(-5.0, -5.0), 0.05, shape).unwrap();
+        let values_m = layout.cells().map(|cell| ((layout.centre(cell) - centre).norm() - radius_m) as f32);
+        let field = DistanceField::from_values(layout, values_m.collect()).unwrap();
+        BaseLayer { name: name.into(), field: Arc::new(field) }
+    }
+
+    #[test]
+    fn what_only_the_camera_sees_rules_samples_out_beside_a_wall_that_the_scan_sees() {
+        let profile = Profile::sim();
+        let config = FilterConfig::for_profile(&profile);
+        let pillar = Point2::new(0.0, 1.0);
+        // Ahead, a little farther than the pillar beside: no motion at this speed keeps clear of it for long.
+        let base = vec![disc("the map", pillar, 0.3), disc("seen in depth", Point2::new(1.6, 0.0), 0.7)];
+        let points =
+            (0..24).map(|k| f64::from(k) * 0.26).map(|a| pillar + 0.3 * Point2::new(a.cos(), a.sin()).coords);
+        let world = World { base, points: points.collect(), rules: Vec::new() };
+        let assumptions = Assumptions {
+            limits: Limits::of(&profile),
+            radius_m: profile.radius_m,
+            step_s: config.step_s,
+            disturbance: config.disturbance,
+            closing_speed_m_s: 0.0,
+            braking_tail: true,
+        };
+        let start = State { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0, speed_m_s: 1.5 };
+        let scene = Scene::of(&world, start, assumptions, &|_| false);
+        let sigma = Control { yaw_rate_rad_s: 0.1, accel_m_s2: 0.1 };
+        let search = Search { n_samples: 50, n_rounds: 1, n_steps: 20, sigma };
+        let mut noise = Noise::default();
+        noise.begin(1, 1, (1, search.n_samples), search.n_steps);
+        let onwards = vec![Control { yaw_rate_rad_s: 0.0, accel_m_s2: 0.0 }; search.n_steps];
+        let mut bounds = Bounds::default();
+        bounds.find(&scene, &search, (&mut noise, 0), &Runner::start(&scene), &onwards, 0.0);
+        let n_open = (0..search.n_samples).filter(|sample| bounds.most_m(*sample) > 0.0).count();
+        assert!(n_open <= 2, "{n_open} of {} must be followed exactly", search.n_samples);
+    }
+}
