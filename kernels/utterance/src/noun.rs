@@ -172,6 +172,12 @@ impl Nouns {
         set.contains(obj) || set.contains(head) || set.contains(&self.singular(head))
     }
 
+    /// Whether it says how a thing looks, and is left out of its class noun.
+    #[must_use]
+    pub fn is_adjective(&self, word: &str) -> bool {
+        self.lists.adjectives.contains(word)
+    }
+
     /// An area one is on or in, rather than near.
     #[must_use]
     pub fn is_place(&self, obj: &str) -> bool {
@@ -206,6 +212,10 @@ impl Nouns {
     /// Whether the name consists of words that name nothing.
     #[must_use]
     pub fn is_empty_name(&self, reference: &str) -> bool {
+        // "the light", "the orange"; "the water meter"
+        if matches!(reference, "light" | "orange") || reference.ends_with(" meter") {
+            return false;
+        }
         reference.split_whitespace().any(|word| self.lists.measures.contains(word))
             || reference.split_whitespace().all(|word| {
                 self.lists.empty.contains(word)

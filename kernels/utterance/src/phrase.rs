@@ -5,7 +5,7 @@ mod part;
 use crate::item::Item;
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
-use part::{inside, nounable, word_fits};
+use part::{inside, is_all_of_a_name, nounable, word_fits};
 
 /// Most words in a name. More is a sentence that we failed to read, and is asked about.
 const WORDS_MAX: usize = 6;
@@ -25,7 +25,8 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
     while let Some(item) = items.get(idx).filter(|item| item.is(Sense::Det) && idx - at < DETS_MAX) {
         let opens_name = items
             .get(idx + 1)
-            .is_some_and(|next| next.is_word() || next.is(Sense::Det) || nounable(items, idx + 1, true));
+            .is_some_and(|next| next.is_word() || next.is(Sense::Det) || nounable(items, idx + 1, true))
+            || is_all_of_a_name(items, idx + 1, idx + 1, expected);
         // "that" and "those" point by themselves when no noun follows.
         if !opens_name {
             break;
@@ -48,6 +49,7 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
                                 || item.text.ends_with("ing")
                                     && items.get(idx + 1).is_some_and(Item::is_word))),
                 ))
+            || (!item.is_word() && is_all_of_a_name(items, idx, words_start, expected))
             || (idx > words_start
                 && !item.is_word()
                 && (inside(items, idx)

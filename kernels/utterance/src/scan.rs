@@ -181,7 +181,13 @@ impl Scanner<'_> {
 
     /// Reads a name here, if one starts, and puts it where it belongs.
     fn name(&mut self) -> bool {
+        // "keep away from the barrel", "near the rug | or the barrel"
+        let leads_on = match self.at.checked_sub(1).and_then(|idx| self.items.get(idx)) {
+            Some(item) => item.text.ends_with(" from") || item.is_any(&[Sense::And, Sense::Or]),
+            None => matches!(self.join, Some(Join::And | Join::Or | Join::Comma)),
+        };
         let expects = matches!(self.before, Before::Place(_) | Before::Except)
+            || leads_on
             || self.draft.senses.last().is_some_and(|s| TRANSITIVE.contains(s))
                 && self.before == Before::Other;
         let Some((name, n_items)) = noun_phrase(self.items, self.at, expects) else { return false };

@@ -125,6 +125,32 @@ fn what_is_told_is_no_order_and_a_pronoun_means_what_it_can() {
 }
 
 /// Paraphrases of dangers that nobody may accept, and sentences that only look like them.
+/// "To barrel", "to skirt", "boy!": what else a word may mean is no matter where only a name can stand.
+#[test]
+fn a_word_that_also_means_something_else_is_a_name_behind_an_article() {
+    let nouns = [
+        "alarm", "barrel", "block", "bolt", "boy", "brush", "chip", "clip", "handle", "hog", "ram", "ring",
+        "safe", "skirt", "squash", "watch",
+    ];
+    let frames = [
+        "keep away from the {}",
+        "keep 0.5 m away from the {}",
+        "don't go near my old {}",
+        "do not approach a {}, please",
+        "stay 1 m from the big {}",
+        "avoid the {} by the door",
+    ];
+    for noun in nouns {
+        for frame in frames {
+            let words = frame.replace("{}", noun);
+            let reply = utterance::parse(&[], &Profile::sim(), &words);
+            let objects: Vec<&str> = reply.specs.iter().map(|rule| rule.obj.as_str()).collect();
+            let is_named = matches!(objects.as_slice(), [object] if object.starts_with(noun));
+            assert!(reply.outcome == Outcome::Accept && is_named, "{words:?} -> {:?} {}", objects, reply.say);
+        }
+    }
+}
+
 #[test]
 fn dangers_are_never_taken_and_their_look_alikes_never_refused_as_dangers() {
     let cases = cases(include_str!("dangers.jsonl"));

@@ -38,6 +38,40 @@ const NOUNABLE: [Sense; 29] = [
     Sense::VerbLeave,
 ];
 
+/// Senses of words that hold a sentence together or compare: they never open a name.
+const NEVER: [Sense; 16] = [
+    Sense::Pronoun,
+    Sense::Det,
+    Sense::Neg,
+    Sense::Everywhere,
+    Sense::AllRules,
+    Sense::Last,
+    Sense::OneOf,
+    Sense::RuleNoun,
+    Sense::SpeedNoun,
+    Sense::NormalSpeed,
+    Sense::PrepNear,
+    Sense::PrepBehind,
+    Sense::Slower,
+    Sense::Faster,
+    Sense::Wider,
+    Sense::Closer,
+];
+
+/// Senses of words that are no name by themselves, article or not: "on the left", "the same".
+const NEVER_ALONE: [Sense; 10] = [
+    Sense::And,
+    Sense::Or,
+    Sense::Of,
+    Sense::From,
+    Sense::Copula,
+    Sense::Except,
+    Sense::Same,
+    Sense::SideLeft,
+    Sense::SideRight,
+    Sense::SelfRef,
+];
+
 /// Whether a word without a sense belongs to the name: verbs end it, participles need a noun after them.
 pub(super) fn word_fits(items: &[Item], at: usize, words_start: usize) -> bool {
     let Some(item) = items.get(at) else { return false };
@@ -124,25 +158,7 @@ pub(super) fn nounable(items: &[Item], at: usize, determined: bool) -> bool {
     if numbered && matches!(item.text.as_str(), "room" | "rooms" | "dock" | "exit" | "line" | "stop") {
         return true;
     }
-    let ok_sense = item.is_any(&NOUNABLE)
-        && !item.is_any(&[
-            Sense::Pronoun,
-            Sense::Det,
-            Sense::Neg,
-            Sense::Everywhere,
-            Sense::AllRules,
-            Sense::Last,
-            Sense::OneOf,
-            Sense::RuleNoun,
-            Sense::SpeedNoun,
-            Sense::NormalSpeed,
-            Sense::PrepNear,
-            Sense::PrepBehind,
-            Sense::Slower,
-            Sense::Faster,
-            Sense::Wider,
-            Sense::Closer,
-        ]);
+    let ok_sense = item.is_any(&NOUNABLE) && !item.is_any(&NEVER);
     let other_robot = item.is(Sense::SelfRef)
         && at.checked_sub(1).and_then(|idx| items.get(idx)).is_some_and(|det| det.text.ends_with("other"));
     if other_robot || determined && matches!(item.text.as_str(), "room" | "rooms" | "exit") {
@@ -157,6 +173,32 @@ pub(super) fn nounable(items: &[Item], at: usize, determined: bool) -> bool {
         && item.is_any(&[Sense::Task, Sense::Revoke, Sense::Motion, Sense::Statement, Sense::Chat])
         && !item.is_any(&[Sense::Halt]);
     determined && ok_sense && single && (next_is_word || alone)
+}
+
+/// Articles that need a name behind them.
+const ARTICLES: [&str; 13] =
+    ["the", "a", "an", "my", "your", "our", "his", "her", "their", "every", "each", "any", "another"];
+
+/// Whether a word with another sense is the name behind an article: "the barrel", "my old watch", "a boy". The grammar
+/// wants a name (`expected`, or because something "is"), and nothing else there could be it.
+pub(super) fn is_all_of_a_name(items: &[Item], at: usize, words_start: usize, expected: bool) -> bool {
+    let (Some(item), Some(words)) = (items.get(at), items.get(words_start..at)) else { return false };
+    let article = words_start.checked_sub(1).and_then(|idx| items.get(idx));
+    let nouns = Nouns::get();
+    let looks =
+        words.iter().all(|word| nouns.is_adjective(&word.text) || speech(&word.text) == Speech::Adjective);
+    let next = items.get(at + 1);
+    let ends = next.is_none_or(|next| !next.is_word() && !next.is(Sense::Det));
+    let is_subject = next.is_some_and(|next| next.is(Sense::Copula));
+    // "around the" is one phrase.
+    article.and_then(|item| item.text.split(' ').next_back()).is_some_and(|word| ARTICLES.contains(&word))
+        && looks
+        && ends
+        && (expected || is_subject)
+        && !item.text.contains(' ')
+        && !item.is_any(&NEVER)
+        && !item.is_any(&NEVER_ALONE)
+        && speech(&item.text) == Speech::MayName
 }
 
 /// Whether a word with another sense continues a name: "hospital waiting room".
@@ -211,6 +253,7 @@ pub(super) fn inside(items: &[Item], at: usize) -> bool {
                 | "limits"
                 | "space"
                 | "clear"
+                | "cap"
         )
     {
         return true;

@@ -28,6 +28,10 @@ impl Scanner<'_> {
                 self.before = Before::Copula;
                 return;
             }
+            Some(Sense::Det) if self.article_of_a_deed(item) => {
+                // "do not touch the barrel roll": a name that was not read must not pass for a verb.
+                self.draft.leftover.push(item.text.clone());
+            }
             Some(Sense::Filler | Sense::Det) | None => {
                 // Fillers leave the grammar as it was: "slow, um, down".
                 if self.before == Before::Copula {
@@ -117,6 +121,20 @@ impl Scanner<'_> {
             return true;
         }
         false
+    }
+
+    /// Whether this is an article and only a verb follows.
+    fn article_of_a_deed(&self, item: &Item) -> bool {
+        matches!(item.text.as_str(), "the" | "a" | "an" | "my" | "your" | "our" | "his" | "her" | "their")
+            && self.peek(0).is_some_and(|next| {
+                next.is_any(&[
+                    Sense::Fast,
+                    Sense::VerbOn,
+                    Sense::VerbNear,
+                    Sense::VerbTouch,
+                    Sense::VerbBlock,
+                ]) && !next.text.contains(' ')
+            })
     }
 
     /// Whether the item before the one just read was a negation too.
