@@ -1,7 +1,8 @@
 //! Typed items out of tokens: quantities, phrases with senses, other words, marks.
 
-use crate::lexicon::{Lexicon, Sense};
+use crate::lexicon::{GOING, Lexicon, Sense};
 use crate::noun::Nouns;
+use crate::phrase::ARTICLES;
 use crate::quantity::{BareUnit, Kind, Quantity, quantity_at};
 use crate::speech::{Speech, speech};
 use crate::text::Token;
@@ -64,6 +65,15 @@ pub fn items(tokens: &[Token], bare_unit: BareUnit) -> Vec<Item> {
         let mut phrase = lexicon.senses_at(tokens, at);
         if is_noun_here(tokens, at, out.last()) {
             phrase = lexicon.shorter_senses_at(tokens, at, phrase.map_or(0, |(_, n)| n));
+        }
+        // "the box in the corner": behind an article there is no "box in".
+        let behind_article = out.last().is_some_and(|item| ARTICLES.contains(&item.text.as_str()));
+        if let Some((senses, n)) = phrase
+            && n > 1
+            && behind_article
+            && senses.iter().any(|sense| GOING.contains(sense))
+        {
+            phrase = lexicon.shorter_senses_at(tokens, at, n);
         }
         // "turn slower than 25°/s": the comparison belongs to the number.
         if let Some((_, n)) = phrase

@@ -239,7 +239,7 @@ impl Nouns {
     /// Something that takes place rather than stands there: "a meeting in the boardroom".
     #[must_use]
     pub fn is_event(&self, obj: &str) -> bool {
-        self.lists.events.contains(self.head(obj))
+        self.lists.events.contains(obj) || self.lists.events.contains(self.head(obj))
     }
 
     /// A person or an animal.

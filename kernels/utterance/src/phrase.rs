@@ -5,6 +5,7 @@ mod part;
 use crate::item::Item;
 use crate::lexicon::Sense;
 use crate::noun::{Name, Nouns};
+pub(crate) use part::ARTICLES;
 use part::{inside, is_all_of_a_name, nounable, word_fits};
 
 /// Most words in a name. More is a sentence that we failed to read, and is asked about.

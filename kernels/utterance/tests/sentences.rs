@@ -149,6 +149,22 @@ fn a_word_that_also_means_something_else_is_a_name_behind_an_article() {
             assert!(reply.outcome == Outcome::Accept && is_named, "{words:?} -> {:?} {}", objects, reply.say);
         }
     }
+    for thing in [
+        "car wheel",
+        "fire alarm",
+        "door handle",
+        "aerosol can",
+        "smoke alarm",
+        "tv set",
+        "paint brush",
+        "shower head",
+    ] {
+        let words = format!("keep half a metre away from the {thing}");
+        let reply = utterance::parse(&[], &Profile::sim(), &words);
+        assert!(reply.specs.iter().any(|rule| rule.obj == thing), "{words:?} -> {}", reply.say);
+    }
+    let reply = utterance::parse(&[], &Profile::sim(), "don't go near the box in the corner");
+    assert!(matches!(reply.specs.as_slice(), [rule] if rule.obj == "box"), "{}", reply.say);
 }
 
 #[test]

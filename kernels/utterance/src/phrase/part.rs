@@ -175,8 +175,21 @@ pub(super) fn nounable(items: &[Item], at: usize, determined: bool) -> bool {
     determined && ok_sense && single && (next_is_word || alone)
 }
 
+/// Senses of verbs that want an object, and so are no verbs where none follows.
+const HEADS: [Sense; 9] = [
+    Sense::VerbTouch,
+    Sense::VerbOn,
+    Sense::VerbNear,
+    Sense::VerbBlock,
+    Sense::VerbWake,
+    Sense::Hold,
+    Sense::Fast,
+    Sense::Avoid,
+    Sense::Allow,
+];
+
 /// Articles that need a name behind them.
-const ARTICLES: [&str; 13] =
+pub(crate) const ARTICLES: [&str; 13] =
     ["the", "a", "an", "my", "your", "our", "his", "her", "their", "every", "each", "any", "another"];
 
 /// Whether a word with another sense is the name behind an article: "the barrel", "my old watch", "a boy". The grammar
@@ -197,7 +210,7 @@ pub(super) fn is_all_of_a_name(items: &[Item], at: usize, words_start: usize, ex
         && (expected || is_subject)
         && !item.text.contains(' ')
         && !item.is_any(&NEVER)
-        && !item.is_any(&NEVER_ALONE)
+        && (!item.is_any(&NEVER_ALONE) || item.text == "vehicle")
         && speech(&item.text) == Speech::MayName
 }
 
@@ -256,6 +269,25 @@ pub(super) fn inside(items: &[Item], at: usize) -> bool {
                 | "cap"
         )
     {
+        return true;
+    }
+    // "the car wheel", "a fire alarm": a verb behind one thing, with nothing to do it to, is the thing itself.
+    let nouns = Nouns::get();
+    let of_a_thing = before.is_some_and(|word| {
+        let is_one = word.text.ends_with("'s") || nouns.singular(&word.text) == word.text;
+        word.is_word() && is_one && !nouns.is_living(&word.text)
+    });
+    let wants_an_object = item.is_any(&HEADS)
+        && !item.is_any(&NEVER)
+        && !item.text.contains(' ')
+        && !matches!(item.text.as_str(), "fast" | "quick")
+        && speech(&item.text) == Speech::MayName;
+    let is_head = wants_an_object
+        || matches!(
+            item.text.as_str(),
+            "wheel" | "wheels" | "roll" | "rolls" | "set" | "sets" | "head" | "heads" | "vehicle" | "agent"
+        );
+    if of_a_thing && ends && is_head {
         return true;
     }
     item.is_any(&NOUNABLE)

@@ -5,6 +5,7 @@ use super::{Before, Scanner};
 use crate::item::{Item, Sort};
 use crate::lexicon::{GOING, Sense};
 use crate::noun::Name;
+use crate::phrase::ARTICLES;
 use crate::quantity::Kind;
 
 impl Scanner<'_> {
@@ -125,7 +126,7 @@ impl Scanner<'_> {
 
     /// Whether this is an article and only a verb follows.
     fn article_of_a_deed(&self, item: &Item) -> bool {
-        matches!(item.text.as_str(), "the" | "a" | "an" | "my" | "your" | "our" | "his" | "her" | "their")
+        ARTICLES.contains(&item.text.as_str())
             && self.peek(0).is_some_and(|next| {
                 next.is_any(&[
                     Sense::Fast,
