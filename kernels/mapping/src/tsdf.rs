@@ -14,6 +14,9 @@
 //! coordinates are whole multiples of their side, as in other implementations: on other points, edges and what is thin
 //! would come out differently.
 //!
+//! What is thinner than voxels lie apart may pass between them. Places where it was seen are kept beside them (`thin`),
+//! and count for footprints.
+//!
 //! Not here: which pixels belong to the object (`segments`), and what its surface means (`occupancy`).
 
 use rustc_hash::FxHashMap;
@@ -22,6 +25,8 @@ use crate::image::{DepthFrame, ImageError, Mask};
 use crate::isa::Isa;
 use crate::projection::TrustedDepth;
 use seen::{Seen, Sift};
+use strips::Strips;
+use thin::Thin;
 use tiles::{Cut, Rays, Tiles, side_for};
 use update::{Update, View};
 
@@ -30,7 +35,9 @@ mod frustum;
 mod seen;
 mod slab;
 mod slant;
+mod strips;
 mod surface;
+mod thin;
 mod tiles;
 mod update;
 
@@ -40,6 +47,8 @@ pub use surface::SurfacePoint;
 /// Voxels along one side of a block.
 pub const BLOCK_SIDE: usize = 8;
 const BLOCK_VOXELS: usize = BLOCK_SIDE * BLOCK_SIDE * BLOCK_SIDE;
+/// A weight that fades below this is none.
+const WEIGHT_LEFT: f32 = 0.01;
 
 /// What one frame did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,7 +57,7 @@ pub struct Integrated {
     pub n_voxels_hit: usize,
     /// Voxels that lost weight.
     pub n_voxels_cleared: usize,
-    /// Blocks that were wanted and not given: the limit is reached.
+    /// Blocks, and places of what is thin, that were wanted and not given: the limit is reached.
     pub n_blocks_refused: usize,
 }
 
@@ -77,6 +86,8 @@ pub struct Tsdf {
     heads: Vec<Head>,
     blocks: Vec<Voxels>,
     index: FxHashMap<BlockKey, u32>,
+    /// What may pass between voxels.
+    thin: Thin,
     frame: u64,
     /// What the last frame showed, and in which tiles: their space is used again.
     seen: Seen,
@@ -95,6 +106,7 @@ impl Tsdf {
             heads: Vec::new(),
             blocks: Vec::new(),
             index: FxHashMap::default(),
+            thin: Thin::default(),
             frame: 0,
             seen: Seen::default(),
             tiles: Tiles::default(),
@@ -111,6 +123,12 @@ impl Tsdf {
     #[must_use]
     pub fn n_blocks(&self) -> usize {
         self.blocks.len()
+    }
+
+    /// Whether nothing is known of the object.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.blocks.is_empty() && self.thin.is_empty()
     }
 
     /// Takes in one frame. Masked, trusted depth adds surface (all of it when there is no mask); what is
@@ -158,8 +176,9 @@ impl Tsdf {
         let mut reserved = Vec::new();
         let n_blocks_refused = wanted.into_iter().filter(|key| !self.touch(*key, &mut reserved)).count();
         let mut done = Integrated { n_blocks_refused, ..Integrated::default() };
+        let view = View::new(frame, mask, (&seen, &tiles), &self.config);
         let emptied = isa.run(Update {
-            view: &View::new(frame, mask, (&seen, &tiles), &self.config),
+            view: &view,
             heads: &self.heads,
             blocks: &mut self.blocks,
             frame: self.frame,
@@ -167,6 +186,11 @@ impl Tsdf {
             done: &mut done,
         });
         self.remove(&emptied);
+        let strips = isa.run(Strips::new(frame, mask, &self.config, side));
+        done.n_blocks_refused += self.thin.see(&strips, frame, self.frame, &self.config);
+        if self.config.clears() {
+            self.thin.clear(&view, self.frame);
+        }
         (self.seen, self.tiles) = (seen, tiles);
         Ok(done)
     }
@@ -189,7 +213,7 @@ impl Tsdf {
         for (idx, block) in self.blocks.iter_mut().enumerate() {
             for weight in &mut block.weight {
                 *weight *= keep;
-                if *weight < 0.01 {
+                if *weight < WEIGHT_LEFT {
                     *weight = 0.0;
                 }
             }
@@ -198,6 +222,7 @@ impl Tsdf {
             }
         }
         self.remove(&emptied);
+        self.thin.decay(keep);
     }
 
     /// Forgets everything.
@@ -205,10 +230,12 @@ impl Tsdf {
         self.heads.clear();
         self.blocks.clear();
         self.index.clear();
+        self.thin.forget();
     }
 
     /// Marks a block as reserved in this frame, made anew if need be, and adds its position to those that are; false
     /// when there is no room.
+    #[inline]
     fn touch(&mut self, key: BlockKey, reserved: &mut Vec<u32>) -> bool {
         if let Some(&idx) = self.index.get(&key) {
             let head = &mut self.heads[idx as usize];

@@ -60,6 +60,11 @@ impl Frustum {
         [across(0) as f32, across(1) as f32, at.z as f32]
     }
 
+    /// A point in `map`, as [`Self::in_image`].
+    pub(super) fn at(&self, point_map: &Point3) -> [f32; 3] {
+        self.in_image((self.camera_from_map * point_map).coords)
+    }
+
     /// The first voxel of a block, as [`Self::in_image`].
     pub(super) fn first(&self, key: BlockKey) -> [f32; 3] {
         self.in_image(self.in_camera(key, 0.0).coords)

@@ -121,6 +121,7 @@ proptest! {
                 let fast_done = fast.integrate_by(*isa, &frame, before.mask.as_ref()).unwrap();
                 prop_assert_eq!(done, fast_done, "frame {} by {:?}", step, isa);
                 prop_assert!(numbers(&slow) == numbers(fast), "frame {step} by {isa:?}");
+                prop_assert_eq!(slow.thin.numbers(), fast.thin.numbers(), "frame {} by {:?}", step, isa);
             }
             if draws.random_bool(0.3) {
                 slow.decay(keep);

@@ -4,9 +4,12 @@
 use nalgebra::Vector3;
 
 use super::frustum::Frustum;
+use super::seen::Seen;
 use super::slab::NEAR_M;
 use super::slant::{BEND_MAX, COSINE_FACING, COSINE_MIN, FRONT_ALL, N_FEET, NOISE, SPAN_PX};
-use super::tiles::{SIDE_SPARE, is_asked, side_for};
+use super::strips::Strips;
+use super::tiles::{SIDE_SPARE, Tiles, is_asked, side_for};
+use super::update::View;
 use super::{BLOCK_SIDE, BLOCK_VOXELS, BlockKey, Integrated, Tsdf, TsdfConfig};
 use crate::image::{DepthFrame, Mask};
 use crate::projection::TrustedDepth;
@@ -87,6 +90,13 @@ pub(super) fn integrate(tsdf: &mut Tsdf, frame: &DepthFrame<'_>, mask: Option<&M
         }
     }
     tsdf.remove(&emptied);
+    let strips = Strips::new(frame, mask, &config, slow.side).one_by_one();
+    done.n_blocks_refused += tsdf.thin.see(&strips, frame, tsdf.frame, &config);
+    if clears {
+        // What a place loses is what its voxel does; nothing there depends on what is seen of the object.
+        let (seen, tiles) = (Seen::default(), Tiles::default());
+        tsdf.thin.clear(&View::new(frame, mask, (&seen, &tiles), &config), tsdf.frame);
+    }
     done
 }
 

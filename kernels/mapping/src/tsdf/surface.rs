@@ -46,8 +46,9 @@ impl Tsdf {
         self.surface().map(|piece| piece.point_map).collect()
     }
 
-    /// Points of all that the object covers, in `map`: one for each voxel that is next to the surface. For footprints: what
-    /// is thin, or seen from one side only, has such voxels where no surface passes between two.
+    /// Points of all that the object covers, in `map`: one for each voxel that is next to the surface, and one for each
+    /// place where something thinner than voxels was seen. For footprints: what is thin, or seen from one side only, has
+    /// such voxels where no surface passes between two.
     #[must_use]
     pub fn covered_points(&self) -> Vec<Point3> {
         let voxel_m = self.config.voxel_m as f32;
@@ -59,7 +60,7 @@ impl Tsdf {
             };
             (0..BLOCK_VOXELS).filter(is_near).map(|voxel| self.foot(head.key, block, voxel))
         });
-        near.collect()
+        near.chain(self.thin.points(self.config.weight_min)).collect()
     }
 
     /// The foot of a voxel on the surface next to it, by the slope of distance there.

@@ -3,9 +3,11 @@
 //! Voxels are placed and averaged in loops over arrays ([`slab`](super::slab)), which compilers turn into vectors. Only
 //! those with something to lose look closer, one by one.
 
+use geometry::Point3;
+
 use super::frustum::Frustum;
 use super::seen::Seen;
-use super::slab::{N_SLAB, NEAR_M, Offsets, Slab};
+use super::slab::{N_SLAB, NEAR_M, Offsets, Slab, nearest};
 use super::tiles::Tiles;
 use super::{BLOCK_SIDE, BlockKey, Head, Integrated, TsdfConfig, Voxels};
 use crate::image::{DepthFrame, Mask};
@@ -208,6 +210,34 @@ impl<'a> View<'a> {
             }
         }
         n_cleared
+    }
+
+    /// Weight that a place in `map` loses, as a voxel there would; none while the object is seen close by, about as far
+    /// off: when poses are a little off, what is thin is seen beside its place.
+    // Asked of few, beside an update of many.
+    #[inline(never)]
+    pub(super) fn lost_at(&self, point_map: &Point3) -> f32 {
+        let [across, down, depth_m] = self.frustum.at(point_map);
+        if depth_m < NEAR_M {
+            return 0.0;
+        }
+        let (col, row) = (nearest(across / depth_m), nearest(down / depth_m));
+        let lost = self.lost(col, row, depth_m);
+        if lost > 0.0 && self.is_close_by(col, row, depth_m) { 0.0 } else { lost }
+    }
+
+    /// Whether the object is seen within two voxels of a pixel's place, in line with it.
+    fn is_close_by(&self, col: i32, row: i32, depth_m: f32) -> bool {
+        let close_m = 2.0 * self.voxel_m;
+        let reach = ((close_m * self.focal / depth_m) as i32 + 1).min(64);
+        let is_there = |right: i32, down: i32| {
+            let Some(idx) = self.position(col + right, row + down) else { return false };
+            let seen_mm = self.depth_mm.get(idx).copied().unwrap_or(0);
+            self.in_mask(idx) && (f32::from(seen_mm) * 0.001 - depth_m).abs() <= close_m
+        };
+        // Eight looks to each side are closer together than what is thin is broad.
+        let mut offs = (1..=reach).rev().step_by(reach as usize / 8 + 1);
+        offs.any(|off| [(off, 0), (-off, 0), (0, off), (0, -off)].into_iter().any(|(r, d)| is_there(r, d)))
     }
 
     /// Weight that a voxel loses by its pixel.

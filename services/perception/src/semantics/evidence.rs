@@ -103,7 +103,7 @@ impl Evidence {
     }
 
     fn observe_absent(&mut self, frame: &DepthFrame<'_>) -> Result<(), ImageError> {
-        if self.tsdf.n_blocks() > 0 {
+        if !self.tsdf.is_empty() {
             self.tsdf.observe_absent(frame)?;
         }
         if self.floor.n_cells() > 0 {
