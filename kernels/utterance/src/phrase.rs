@@ -22,7 +22,9 @@ pub fn noun_phrase(items: &[Item], at: usize, expected: bool) -> Option<(Name, u
     crate::steps::step();
     let mut idx = at;
     let mut universal = false;
-    let mut determined = false;
+    // "around the" is one phrase.
+    let mut determined =
+        at.checked_sub(1).and_then(|idx| items.get(idx)).is_some_and(|b| b.text.ends_with(" the"));
     while let Some(item) = items.get(idx).filter(|item| item.is(Sense::Det) && idx - at < DETS_MAX) {
         let opens_name = items
             .get(idx + 1)

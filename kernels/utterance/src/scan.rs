@@ -183,7 +183,11 @@ impl Scanner<'_> {
     fn name(&mut self) -> bool {
         // "keep away from the barrel", "near the rug | or the barrel"
         let leads_on = match self.at.checked_sub(1).and_then(|idx| self.items.get(idx)) {
-            Some(item) => item.text.ends_with(" from") || item.is_any(&[Sense::And, Sense::Or]),
+            Some(item) => {
+                item.text.ends_with(" from")
+                    || item.is_any(&[Sense::And, Sense::Or, Sense::ThereIs])
+                    || matches!(item.text.as_str(), "give" | "leave" | "keep" | "mind" | "pass" | "treat")
+            }
             None => matches!(self.join, Some(Join::And | Join::Or | Join::Comma)),
         };
         let expects = matches!(self.before, Before::Place(_) | Before::Except)

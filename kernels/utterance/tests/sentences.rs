@@ -163,6 +163,8 @@ fn a_word_that_also_means_something_else_is_a_name_behind_an_article() {
         let reply = utterance::parse(&[], &Profile::sim(), &words);
         assert!(reply.specs.iter().any(|rule| rule.obj == thing), "{words:?} -> {}", reply.say);
     }
+    let reply = utterance::parse(&[], &Profile::sim(), "slow down when you pass the pocket watch");
+    assert!(matches!(reply.specs.as_slice(), [rule] if rule.obj == "pocket watch"), "{}", reply.say);
     let reply = utterance::parse(&[], &Profile::sim(), "don't go near the box in the corner");
     assert!(matches!(reply.specs.as_slice(), [rule] if rule.obj == "box"), "{}", reply.say);
 }

@@ -202,7 +202,7 @@ pub(super) fn is_all_of_a_name(items: &[Item], at: usize, words_start: usize, ex
         words.iter().all(|word| nouns.is_adjective(&word.text) || speech(&word.text) == Speech::Adjective);
     let next = items.get(at + 1);
     let ends = next.is_none_or(|next| !next.is_word() && !next.is(Sense::Det));
-    let is_subject = next.is_some_and(|next| next.is(Sense::Copula));
+    let is_subject = next.is_some_and(|next| next.is(Sense::Copula) || next.text.starts_with("must"));
     // "around the" is one phrase.
     article.and_then(|item| item.text.split(' ').next_back()).is_some_and(|word| ARTICLES.contains(&word))
         && looks
@@ -211,6 +211,7 @@ pub(super) fn is_all_of_a_name(items: &[Item], at: usize, words_start: usize, ex
         && !item.text.contains(' ')
         && !item.is_any(&NEVER)
         && (!item.is_any(&NEVER_ALONE) || item.text == "vehicle")
+        && (!item.is_any(&[Sense::Away, Sense::Wide, Sense::NeedsSpace]) || item.text == "bubble")
         && speech(&item.text) == Speech::MayName
 }
 
@@ -280,6 +281,7 @@ pub(super) fn inside(items: &[Item], at: usize) -> bool {
     let wants_an_object = item.is_any(&HEADS)
         && !item.is_any(&NEVER)
         && !item.text.contains(' ')
+        && !item.text.ends_with('s')
         && !matches!(item.text.as_str(), "fast" | "quick")
         && speech(&item.text) == Speech::MayName;
     let is_head = wants_an_object
@@ -287,7 +289,11 @@ pub(super) fn inside(items: &[Item], at: usize) -> bool {
             item.text.as_str(),
             "wheel" | "wheels" | "roll" | "rolls" | "set" | "sets" | "head" | "heads" | "vehicle" | "agent"
         );
-    if of_a_thing && ends && is_head {
+    // "the car wheel must not", but "the car | touch nothing".
+    let has_no_object = items.get(at + 1).is_none_or(|next| {
+        !next.is_word() && !next.is_any(&[Sense::Det, Sense::Pronoun]) && !next.text.starts_with("no")
+    });
+    if of_a_thing && has_no_object && is_head {
         return true;
     }
     item.is_any(&NOUNABLE)

@@ -56,6 +56,12 @@ fn cut_by_link(items: &[Item], at: usize, earlier: Earlier) -> Option<Option<(Jo
     if before.is_some_and(|b| b.is(Sense::Det) && !b.is(Sense::Pronoun)) && !item.is(Sense::Neg) {
         return Some(None);
     }
+    // "when you pass the pocket watch": nothing follows that it could tell to avoid.
+    let has_no_object = next.is_none_or(|n| n.sort == Sort::Mark);
+    let wants_one = item.is(Sense::Avoid) || matches!(item.text.as_str(), "handle" | "set");
+    if wants_one && has_no_object && !item.text.contains(' ') && before.is_some_and(Item::is_word) {
+        return Some(None);
+    }
     if item.is(Sense::OpenEnded) || item.is(Sense::TimeWords) || item.is(Sense::Except) {
         return Some(None);
     }
