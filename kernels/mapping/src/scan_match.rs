@@ -19,6 +19,7 @@ pub mod map;
 mod placement;
 mod pyramid;
 pub mod refine;
+mod shifts;
 mod tiles;
 
 pub use cloud::{Cloud, CloudPoint};
@@ -27,10 +28,14 @@ pub use free::FreeGrid;
 pub use map::MatchMap;
 pub use refine::Prior;
 
+use correlate::{Care, Places};
+
 /// So many places are found, and so many for each that is wanted, before any is looked at closely: heat alone
 /// knows nothing of free space.
 const N_PLACES_MIN: usize = 14;
 const N_PLACES_EACH: usize = 3;
+/// A place whose heat is this share of the likeliest's is nearly as likely.
+const RIVAL_SHARE_MIN: f32 = 0.75;
 
 /// How far around a guess is looked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +102,22 @@ pub fn candidates(
         .collect();
     candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
     candidates
+}
+
+/// The one place that needs no others beside it: the likeliest by a glance over the whole window satisfies `is_clear`
+/// when it is looked at closely, and no other is nearly as likely. `None` says nothing of the scan.
+#[must_use]
+pub fn at_a_glance(
+    map: &MatchMap,
+    cloud: &Cloud,
+    guess: &Prior,
+    window: Window,
+    is_clear: impl Fn(&Candidate) -> bool,
+) -> Option<Candidate> {
+    let mut places = Places::new(map, cloud, guess, window, Care::GLANCE, N_PLACES_MIN)?;
+    let likeliest = places.next(RIVAL_SHARE_MIN)?.map_from_scan;
+    let found = candidate(map, cloud, guess, refine::refine(map, cloud, likeliest, guess));
+    (is_clear(&found) && places.next(RIVAL_SHARE_MIN).is_none()).then_some(found)
 }
 
 /// What points alone say of a place that is known to a cell.
