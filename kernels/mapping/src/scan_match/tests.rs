@@ -109,6 +109,8 @@ fn a_room_is_clear_at_a_glance_and_nothing_is_along_a_corridor_or_when_it_does_n
         map.insert(&seen_among(&corridor, pose), pose);
     }
     let scan = seen_among(&corridor, Pose2::new(0.5, 0.1, 0.0));
+    let prior = Prior { shift_m: 4.0, ..prior };
+    let window = Window { shift_m: 3.0, ..window };
     assert_eq!(at_a_glance(&map, &scan, &prior, window, |_| true), None);
 }
 

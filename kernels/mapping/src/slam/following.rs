@@ -2,8 +2,8 @@
 //!
 //! When little is unsure the scan is moved onto the surfaces from where it is foreseen, and that is that. When
 //! it does not fit there, or much is unsure, all places around are looked at, and what speaks for each of them
-//! and against it decides. Without odometry much is always unsure, and most scans fit one place and no other: that is
-//! seen at a glance, with half of the points and of the headings, over all of the same window.
+//! and against it decides. Without odometry much is always unsure, and most scans fit one place or a few and no
+//! other: that is seen at a glance, with half of the points and of the headings, over all of the same window.
 
 use geometry::Pose2;
 use nalgebra::Matrix3;
@@ -23,9 +23,8 @@ const DIRECT_INLIERS_ALONE_MIN: f64 = 0.8;
 const DIRECT_SHARE_MIN: f64 = 0.85;
 /// ... and it must lie within this many squared deviations.
 const DIRECT_DEVIATIONS2_MAX: f64 = 6.0;
-/// Where no odometry says anything, a place needs no others beside it when this share of the scan lies on
-/// surfaces, ...
-const CLEAR_INLIERS_MIN: f64 = 0.7;
+/// Where no odometry says anything, a glance is enough when this share of the scan lies on surfaces, ...
+const CLEAR_INLIERS_MIN: f64 = 0.6;
 /// ... this share of what says anything speaks for it, ...
 const CLEAR_SHARE_MIN: f64 = 0.85;
 /// ... and no more than this share of the beams would pass through surfaces.
@@ -100,14 +99,15 @@ pub(crate) fn follow(
             agrees(&candidate.evidence, is_expected)
         }
     };
+    let is_unsure = foreseen.shift_m > UNSURE_SHIFT_M || foreseen.turn_rad > UNSURE_TURN_RAD;
     let is_clear = |candidate: &Candidate| is_clear(candidate) && expects(&candidate.found.map_from_scan);
-    if !foreseen.is_odometry()
+    if is_unsure
+        && !foreseen.is_odometry()
         && let Some(clear) = scan_match::at_a_glance(map, cloud, &prior, window, is_clear)
     {
         return Some(followed(&clear, true));
     }
     let near = scan_match::candidates(map, cloud, &prior, window, N_CANDIDATES);
-    let is_unsure = foreseen.shift_m > UNSURE_SHIFT_M || foreseen.turn_rad > UNSURE_TURN_RAD;
     let best = near.iter().find(|c| is_good(c));
     if let Some(best) = best.filter(|best| !is_unsure || stands_out(best, &near)) {
         return Some(followed(best, true));
@@ -140,7 +140,8 @@ fn stands_out(best: &Candidate, all: &[Candidate]) -> bool {
     best.found.inlier_share >= OUTSTANDING_INLIERS || best.score >= other + OUTSTANDING_GAP
 }
 
-/// Whether so much speaks for a place, and so little against it, that no other needs to be compared with it.
+/// Whether so much speaks for a place, and so little against it, that only what looks like it at a glance needs to be
+/// compared with it.
 fn is_clear(candidate: &Candidate) -> bool {
     candidate.found.inlier_share >= CLEAR_INLIERS_MIN
         && candidate.evidence.share() >= CLEAR_SHARE_MIN
