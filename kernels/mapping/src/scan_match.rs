@@ -19,6 +19,7 @@ pub mod map;
 mod placement;
 mod pyramid;
 pub mod refine;
+mod shifts;
 mod tiles;
 
 pub use cloud::{Cloud, CloudPoint};
@@ -27,10 +28,16 @@ pub use free::FreeGrid;
 pub use map::MatchMap;
 pub use refine::Prior;
 
+use correlate::{Care, Places};
+
 /// So many places are found, and so many for each that is wanted, before any is looked at closely: heat alone
 /// knows nothing of free space.
 const N_PLACES_MIN: usize = 14;
 const N_PLACES_EACH: usize = 3;
+/// A place whose heat is this share of the likeliest's is nearly as likely.
+const RIVAL_SHARE_MIN: f32 = 0.75;
+/// A glance is not enough when there are more of them.
+const N_RIVALS_MAX: usize = 3;
 
 /// How far around a guess is looked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +104,33 @@ pub fn candidates(
         .collect();
     candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
     candidates
+}
+
+/// The place that a glance over the whole window is enough for: the best of the few likeliest, which satisfies
+/// `is_clear` when they are looked at closely. `None` says nothing of the scan.
+#[must_use]
+pub fn at_a_glance(
+    map: &MatchMap,
+    cloud: &Cloud,
+    guess: &Prior,
+    window: Window,
+    is_clear: impl Fn(&Candidate) -> bool,
+) -> Option<Candidate> {
+    let mut places = Places::new(map, cloud, guess, window, Care::GLANCE, N_PLACES_MIN)?;
+    let closely = |place: &Pose2| candidate(map, cloud, guess, refine::refine(map, cloud, *place, guess));
+    let likeliest = closely(&places.next(RIVAL_SHARE_MIN)?.map_from_scan);
+    if !is_clear(&likeliest) {
+        return None;
+    }
+    let rivals: Vec<Pose2> = std::iter::from_fn(|| places.next(RIVAL_SHARE_MIN))
+        .take(N_RIVALS_MAX + 1)
+        .map(|place| place.map_from_scan)
+        .collect();
+    if rivals.len() > N_RIVALS_MAX {
+        return None;
+    }
+    let all = std::iter::once(likeliest).chain(rivals.iter().map(closely));
+    all.max_by(|a, b| a.score.total_cmp(&b.score)).filter(is_clear)
 }
 
 /// What points alone say of a place that is known to a cell.

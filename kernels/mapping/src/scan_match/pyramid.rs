@@ -93,15 +93,22 @@ impl<'a> Bounds<'a> {
         self.n_side[0] as usize + 2 * BORDER
     }
 
-    /// The bounds from the block of a cell on: as many beside each other and above each other as the border is
-    /// wide, and more. What lies beyond the border is as empty as that.
+    /// All of them, row by row.
     #[inline]
-    pub(super) fn from(&self, cell: [i32; 2]) -> &'a [u8] {
+    pub(super) fn values(&self) -> &'a [u8] {
+        self.values
+    }
+
+    /// Where the bounds from the block of a cell on begin: as many beside each other and above each other as the
+    /// border is wide, and more. What lies beyond the border is as empty as that.
+    #[inline]
+    pub(super) fn start(&self, cell: [i32; 2]) -> u32 {
         let at = |axis: usize| {
             let block = cell[axis].wrapping_sub(self.origin[axis]) >> self.level;
-            (block.clamp(-(BORDER as i32), self.n_side[axis]) + BORDER as i32) as usize
+            block.max(-(BORDER as i32)).min(self.n_side[axis]).wrapping_add(BORDER as i32)
         };
-        self.values.get(at(1).wrapping_mul(self.stride()).wrapping_add(at(0))..).unwrap_or_default()
+        // Wrapping, here and below: there are some million blocks at most, and checks cost as much as all else.
+        at(1).wrapping_mul(self.stride() as i32).wrapping_add(at(0)) as u32
     }
 
     /// Sums of bounds over cells that are all shifted by `off`, by a block more to the right, above, and both.
@@ -110,7 +117,8 @@ impl<'a> Bounds<'a> {
         let stride = self.stride();
         let mut sums = [0_u32; 4];
         for &[x, y] in cells {
-            let values = self.from([x.wrapping_add(off[0]), y.wrapping_add(off[1])]);
+            let start = self.start([x.wrapping_add(off[0]), y.wrapping_add(off[1])]);
+            let values = self.values.get(start as usize..).unwrap_or_default();
             let above = values.get(stride..).unwrap_or_default();
             if let (Some(low), Some(high)) = (values.first_chunk::<2>(), above.first_chunk::<2>()) {
                 for (sum, value) in sums.iter_mut().zip([low[0], low[1], high[0], high[1]]) {

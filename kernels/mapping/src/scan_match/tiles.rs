@@ -21,8 +21,13 @@ const N_PARTS: usize = 8;
 /// Cells along the side of what a piece of surface makes hot.
 const N_STAMP: usize = 2 * REACH as usize + 1;
 
+/// Cells of a tile's row that a stamp is put on at once, at least as many as it is wide.
+const N_AT_ONCE: usize = 8;
+/// Columns without heat on either side of a stamp, so that whatever lies on a tile of it is put there at once.
+const N_PAD: usize = N_AT_ONCE;
+
 /// Heat around a piece of surface, by rows.
-type Stamp = [[u8; N_STAMP]; N_STAMP];
+type Stamp = [[u8; N_STAMP + 2 * N_PAD]; N_STAMP];
 
 /// Stamps by the part of the cell that the piece of surface lies in.
 static STAMPS: LazyLock<Vec<Stamp>> = LazyLock::new(|| {
@@ -34,7 +39,13 @@ static STAMPS: LazyLock<Vec<Stamp>> = LazyLock::new(|| {
     };
     let stamp = |part: usize| -> Stamp {
         let (x, y) = (middle(part % N_PARTS), middle(part / N_PARTS));
-        std::array::from_fn(|row| std::array::from_fn(|col| heat(col as f32 + 0.5 - x, row as f32 + 0.5 - y)))
+        let mut stamp = [[0; N_STAMP + 2 * N_PAD]; N_STAMP];
+        for (row, heats) in stamp.iter_mut().enumerate() {
+            for (col, cell) in heats[N_PAD..N_PAD + N_STAMP].iter_mut().enumerate() {
+                *cell = heat(col as f32 + 0.5 - x, row as f32 + 0.5 - y);
+            }
+        }
+        stamp
     };
     (0..N_PARTS * N_PARTS).map(stamp).collect()
 });
@@ -53,7 +64,7 @@ impl Part {
     /// How hot it makes the middle of its own cell.
     #[inline]
     pub(super) fn heat(self) -> u8 {
-        STAMPS.get(self.0).map_or(0, |stamp| stamp[REACH as usize][REACH as usize])
+        STAMPS.get(self.0).map_or(0, |stamp| stamp[REACH as usize][N_PAD + REACH as usize])
     }
 }
 
@@ -84,6 +95,24 @@ pub(super) struct Tiles {
     changed: Vec<[usize; 2]>,
 }
 
+/// Puts heat on some cells: those that it is more than what they have take the piece of surface; whether any did.
+#[inline]
+fn put(heats: &mut [u8], surfels: &mut [u16], stamped: &[u8], surfel: u16) -> bool {
+    let (Some(heats), Some(surfels), Some(stamped)) = (
+        heats.first_chunk_mut::<N_AT_ONCE>(),
+        surfels.first_chunk_mut::<N_AT_ONCE>(),
+        stamped.first_chunk::<N_AT_ONCE>(),
+    ) else {
+        return false;
+    };
+    let before = *heats;
+    for ((heat, nearest), &stamped) in heats.iter_mut().zip(surfels).zip(stamped) {
+        *nearest = if stamped > *heat { surfel } else { *nearest };
+        *heat = stamped.max(*heat);
+    }
+    *heats != before
+}
+
 #[inline]
 fn within(col: usize, row: usize) -> usize {
     (row % N_SIDE) * N_SIDE + col % N_SIDE
@@ -103,9 +132,11 @@ impl Tiles {
     #[inline]
     pub(super) fn four_heats(&self, col: usize, row: usize) -> [u8; 4] {
         if col % N_SIDE + 1 < N_SIDE && row % N_SIDE + 1 < N_SIDE {
-            let Some(tile) = self.tile(col, row) else { return [0; 4] };
-            let idx = within(col, row);
-            return [0, 1, N_SIDE, N_SIDE + 1].map(|beside| tile.heat[idx + beside]);
+            let heats = self.tile(col, row).and_then(|tile| tile.heat.get(within(col, row)..));
+            let Some(heats) = heats.and_then(|heats| heats.first_chunk::<{ N_SIDE + 2 }>()) else {
+                return [0; 4];
+            };
+            return [heats[0], heats[1], heats[N_SIDE], heats[N_SIDE + 1]];
         }
         [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, up]| {
             let (col, row) = (col + right, row + up);
@@ -122,24 +153,18 @@ impl Tiles {
         for tile_row in low[1] >> SIDE_LOG2..=high[1] >> SIDE_LOG2 {
             for tile_col in low[0] >> SIDE_LOG2..=high[0] >> SIDE_LOG2 {
                 let corner = [tile_col << SIDE_LOG2, tile_row << SIDE_LOG2];
-                // The part of the stamp that lies on this tile, in cells of the tile.
-                let [cols, rows] = [0, 1].map(|axis| {
-                    low[axis].max(corner[axis]) - corner[axis]
-                        ..(high[axis] + 1).min(corner[axis] + N_SIDE) - corner[axis]
-                });
-                let first_col = corner[0] + cols.start - low[0];
+                // The part of the stamp that lies on this tile: rows of it, and so many columns of it at once.
+                let rows =
+                    low[1].max(corner[1]) - corner[1]..(high[1] + 1).min(corner[1] + N_SIDE) - corner[1];
+                let first_col = low[0].max(corner[0]).min(corner[0] + N_SIDE - N_AT_ONCE) - corner[0];
+                let from = N_PAD + corner[0] + first_col - low[0];
                 let Some(tile) = self.tile_mut(tile_col, tile_row) else { continue };
                 let mut is_changed = false;
                 for row in rows {
-                    let cells = row * N_SIDE + cols.start..row * N_SIDE + cols.end;
-                    let stamped = &stamp[corner[1] + row - low[1]][first_col..];
-                    let (heats, surfels) = (&mut tile.heat[cells.clone()], &mut tile.surfels[cells]);
-                    for ((heat, nearest), &stamped) in heats.iter_mut().zip(surfels).zip(stamped) {
-                        let is_nearer = stamped > *heat;
-                        *heat = if is_nearer { stamped } else { *heat };
-                        *nearest = if is_nearer { surfel } else { *nearest };
-                        is_changed |= is_nearer;
-                    }
+                    let cells = row * N_SIDE + first_col..row * N_SIDE + first_col + N_AT_ONCE;
+                    let stamped = &stamp[corner[1] + row - low[1]][from..from + N_AT_ONCE];
+                    is_changed |=
+                        put(&mut tile.heat[cells.clone()], &mut tile.surfels[cells], stamped, surfel);
                 }
                 if is_changed && !std::mem::replace(&mut tile.is_changed, true) {
                     self.changed.push([tile_col, tile_row]);

@@ -2,7 +2,8 @@
 //!
 //! When little is unsure the scan is moved onto the surfaces from where it is foreseen, and that is that. When
 //! it does not fit there, or much is unsure, all places around are looked at, and what speaks for each of them
-//! and against it decides.
+//! and against it decides. Without odometry much is always unsure, and most scans fit one place or a few and no
+//! other: that is seen at a glance, with half of the points and of the headings, over all of the same window.
 
 use geometry::Pose2;
 use nalgebra::Matrix3;
@@ -22,6 +23,12 @@ const DIRECT_INLIERS_ALONE_MIN: f64 = 0.8;
 const DIRECT_SHARE_MIN: f64 = 0.85;
 /// ... and it must lie within this many squared deviations.
 const DIRECT_DEVIATIONS2_MAX: f64 = 6.0;
+/// Where no odometry says anything, a glance is enough when this share of the scan lies on surfaces, ...
+const CLEAR_INLIERS_MIN: f64 = 0.6;
+/// ... this share of what says anything speaks for it, ...
+const CLEAR_SHARE_MIN: f64 = 0.85;
+/// ... and no more than this share of the beams would pass through surfaces.
+const CLEAR_THROUGH_MAX: f64 = 0.3;
 /// So many places are looked at closely.
 const N_CANDIDATES: usize = 4;
 /// How much wider a window is made when nothing fits, and at least how wide.
@@ -92,8 +99,15 @@ pub(crate) fn follow(
             agrees(&candidate.evidence, is_expected)
         }
     };
-    let near = scan_match::candidates(map, cloud, &prior, window, N_CANDIDATES);
     let is_unsure = foreseen.shift_m > UNSURE_SHIFT_M || foreseen.turn_rad > UNSURE_TURN_RAD;
+    let is_clear = |candidate: &Candidate| is_clear(candidate) && expects(&candidate.found.map_from_scan);
+    if is_unsure
+        && !foreseen.is_odometry()
+        && let Some(clear) = scan_match::at_a_glance(map, cloud, &prior, window, is_clear)
+    {
+        return Some(followed(&clear, true));
+    }
+    let near = scan_match::candidates(map, cloud, &prior, window, N_CANDIDATES);
     let best = near.iter().find(|c| is_good(c));
     if let Some(best) = best.filter(|best| !is_unsure || stands_out(best, &near)) {
         return Some(followed(best, true));
@@ -124,6 +138,14 @@ fn stands_out(best: &Candidate, all: &[Candidate]) -> bool {
     let is_other = |c: &&Candidate| c.found.map_from_scan != best.found.map_from_scan;
     let other = all.iter().filter(is_other).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
     best.found.inlier_share >= OUTSTANDING_INLIERS || best.score >= other + OUTSTANDING_GAP
+}
+
+/// Whether so much speaks for a place, and so little against it, that only what looks like it at a glance needs to be
+/// compared with it.
+fn is_clear(candidate: &Candidate) -> bool {
+    candidate.found.inlier_share >= CLEAR_INLIERS_MIN
+        && candidate.evidence.share() >= CLEAR_SHARE_MIN
+        && candidate.evidence.through_share() <= CLEAR_THROUGH_MAX
 }
 
 /// The scan where it is foreseen, moved onto the surfaces; `None` when too much is unsure or it does not fit.
