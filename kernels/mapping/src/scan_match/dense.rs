@@ -2,11 +2,11 @@
 //!
 //! Sums of some rows stay in registers while all points are added. The loop is compiled for each instruction set.
 
-use super::pyramid::{BORDER, Bounds};
+use super::pyramid::{Bounds, N_BESIDE};
 use crate::isa::{Isa, Work};
 
 /// Shifts along a side at most.
-pub(super) const N_SIDE_MAX: usize = BORDER;
+pub(super) const N_SIDE_MAX: usize = N_BESIDE;
 /// So many rows are summed at once, at one heading after the other: what they look at stays near the processor.
 const N_ROWS: usize = 4;
 

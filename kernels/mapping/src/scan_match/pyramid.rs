@@ -4,9 +4,11 @@ use super::tiles::SIDE_LOG2;
 
 /// Blocks along the side of a tile of cells on the lowest level, at most.
 const N_TILE: usize = 1 << (SIDE_LOG2 - 1);
-/// Blocks around the bounds of a level where there is nothing: whoever looks at as many beside each other looks
-/// nowhere else.
-pub(super) const BORDER: usize = 32;
+/// Blocks that may be looked at beside each other.
+pub(super) const N_BESIDE: usize = 32;
+/// Blocks around the bounds of a level: one for what the outermost blocks tell their neighbours, and where there is
+/// nothing, as many as are looked at beside each other.
+const BORDER: usize = N_BESIDE + 1;
 
 /// One level of the pyramid.
 #[derive(Clone, Debug, Default)]
@@ -99,8 +101,8 @@ impl<'a> Bounds<'a> {
         self.values
     }
 
-    /// Where the bounds from the block of a cell on begin: as many beside each other and above each other as the
-    /// border is wide, and more. What lies beyond the border is as empty as that.
+    /// Where the bounds from the block of a cell on begin, [`N_BESIDE`] beside each other and above each other, and
+    /// more. What lies beyond the border is as empty as that.
     #[inline]
     pub(super) fn start(&self, cell: [i32; 2]) -> u32 {
         let at = |axis: usize| {
