@@ -112,7 +112,7 @@ fn aim(path: &[Point2], nearest_idx: usize, place: Point2, map: &Costmap) -> Poi
         *least_m = least_m.min(map.room_m(*point) - slack_m);
         Some((*point, least_m.max(0.0)))
     };
-    let here_m = map.room_m(place).clamp(0.0, SIGHT_ROOM_M);
+    let here_m = (map.room_m(place) - slack_m).clamp(0.0, SIGHT_ROOM_M);
     let rooms: Vec<(Point2, f64)> = ahead.iter().scan(here_m, least_so_far).collect();
     let seen =
         rooms.iter().rev().find(|(point, room_m)| map.sees(place, *point, *room_m)).map(|(point, _)| point);
@@ -177,6 +177,25 @@ mod tests {
         let aimed = aim(&path, 0, start, &map);
         assert!(aimed.y > 2.0 && (aimed - start).norm() > 1.0, "{aimed:?}");
         assert!(map.sees(start, aimed, 0.0) && !map.sees(start, goal, 0.0));
+    }
+
+    #[test]
+    fn who_came_nearer_to_a_slanting_wall_than_the_path_still_sees_far() {
+        let layout = Layout::new(Point2::origin(), 0.05, Shape { n_cols: 100, n_rows: 80 }).unwrap();
+        let mut grid = Grid::filled(layout, Occupancy::Free);
+        for cell in layout.cells().filter(|cell| cell.row * 7 > 350 + cell.col) {
+            grid.set(cell, Occupancy::Occupied);
+        }
+        let map = Costmap::new(&grid, &[], 0.05, &Profile::sim());
+        // Along the wall, 0.1 m farther from it than the robot, whose room is less than the sight's.
+        let along = |x: f64, off_m: f64| Point2::new(x, 2.5 + x / 7.0 - 0.39 - off_m);
+        let path: Vec<Point2> = (0..60).map(|k| along(1.0 + 0.05 * f64::from(k), 0.1)).collect();
+        for k in 0..20 {
+            let place = along(1.0 + 0.017 * f64::from(k), 0.0);
+            assert!((0.02..SIGHT_ROOM_M).contains(&map.room_m(place)), "{}", map.room_m(place));
+            let aimed = aim(&path, nearest(&path, place), place, &map);
+            assert!((aimed - place).norm() > 1.5, "from {place:?} at {aimed:?}");
+        }
     }
 
     #[test]
