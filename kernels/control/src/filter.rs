@@ -95,14 +95,7 @@ impl Filter {
     /// [`ConfigError`] names the first number outside the range that the profile leaves it.
     pub fn new(config: FilterConfig, profile: &Profile) -> Result<Filter, ConfigError> {
         let config = config.checked(profile)?;
-        let assumptions = Assumptions {
-            limits: Limits::of(profile),
-            radius_m: profile.radius_m,
-            step_s: config.step_s,
-            disturbance: config.disturbance,
-            closing_speed_m_s: config.closing_speed_m_s,
-            braking_tail: config.braking_tail,
-        };
+        let assumptions = Assumptions::of(&config, profile);
         let sigma =
             Control { yaw_rate_rad_s: config.sigma_yaw_rate_rad_s, accel_m_s2: config.sigma_accel_m_s2 };
         let FilterConfig { n_samples, n_rounds, n_steps, .. } = config;

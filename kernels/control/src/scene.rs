@@ -4,10 +4,10 @@
 //! stands in (they are `soft`: nobody is kept in by them), which limits it already breaks (they allow full
 //! braking), and which scan hits may move. It is built once per tick and only read afterwards.
 
-use geometry::Point2;
+use geometry::{Point2, Profile};
 use mapping::DistanceField;
 
-use crate::config::Disturbance;
+use crate::config::{Disturbance, FilterConfig};
 use crate::dynamics::{Heading, Limits, State};
 use crate::margin::{Demand, World};
 use crate::points::PointIndex;
@@ -34,6 +34,20 @@ pub(crate) struct Assumptions {
     pub disturbance: Disturbance,
     pub closing_speed_m_s: f64,
     pub braking_tail: bool,
+}
+
+impl Assumptions {
+    /// What a configuration assumes of a robot.
+    pub(crate) fn of(config: &FilterConfig, profile: &Profile) -> Assumptions {
+        Assumptions {
+            limits: Limits::of(profile),
+            radius_m: profile.radius_m,
+            step_s: config.step_s,
+            disturbance: config.disturbance,
+            closing_speed_m_s: config.closing_speed_m_s,
+            braking_tail: config.braking_tail,
+        }
+    }
 }
 
 /// Which thing of the world a margin belongs to.

@@ -83,14 +83,7 @@ fn case(seed: u64) -> Case {
     let rules = (0..n_rules).map(|idx| rule(&mut chance, idx)).collect();
     let config =
         FilterConfig { n_samples: 12, n_steps: 12, latency_s: 0.0, ..FilterConfig::for_profile(&profile) };
-    let assumptions = Assumptions {
-        limits: Limits::of(&profile),
-        radius_m: profile.radius_m,
-        step_s: config.step_s,
-        disturbance: config.disturbance,
-        closing_speed_m_s: 0.0,
-        braking_tail: true,
-    };
+    let assumptions = Assumptions::of(&config, &profile);
     let start = State {
         x_m: chance.random_range(-2.0..2.0),
         y_m: chance.random_range(-2.0..2.0),

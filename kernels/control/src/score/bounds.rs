@@ -189,7 +189,7 @@ mod tests {
 
     use super::*;
     use crate::config::FilterConfig;
-    use crate::dynamics::{Limits, State};
+    use crate::dynamics::State;
     use crate::margin::{BaseLayer, World};
 
     /// A layer of one disc.
@@ -211,14 +211,7 @@ mod tests {
         let points =
             (0..24).map(|k| f64::from(k) * 0.26).map(|a| pillar + 0.3 * Point2::new(a.cos(), a.sin()).coords);
         let world = World { base, points: points.collect(), rules: Vec::new() };
-        let assumptions = Assumptions {
-            limits: Limits::of(&profile),
-            radius_m: profile.radius_m,
-            step_s: config.step_s,
-            disturbance: config.disturbance,
-            closing_speed_m_s: 0.0,
-            braking_tail: true,
-        };
+        let assumptions = Assumptions::of(&config, &profile);
         let start = State { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0, speed_m_s: 1.5 };
         let scene = Scene::of(&world, start, assumptions, &|_| false);
         let sigma = Control { yaw_rate_rad_s: 0.1, accel_m_s2: 0.1 };

@@ -5,7 +5,6 @@ use super::{Before, Scanner};
 use crate::item::{Item, Sort};
 use crate::lexicon::{GOING, Sense};
 use crate::noun::Name;
-use crate::phrase::ARTICLES;
 use crate::quantity::Kind;
 
 impl Scanner<'_> {
@@ -28,10 +27,6 @@ impl Scanner<'_> {
                 self.draft.senses.push(Sense::Copula);
                 self.before = Before::Copula;
                 return;
-            }
-            Some(Sense::Det) if self.article_of_a_deed(item) => {
-                // "do not touch the barrel roll": a name that was not read must not pass for a verb.
-                self.draft.leftover.push(item.text.clone());
             }
             Some(Sense::Filler | Sense::Det) | None => {
                 // Fillers leave the grammar as it was: "slow, um, down".
@@ -122,20 +117,6 @@ impl Scanner<'_> {
             return true;
         }
         false
-    }
-
-    /// Whether this is an article and only a verb follows.
-    fn article_of_a_deed(&self, item: &Item) -> bool {
-        ARTICLES.contains(&item.text.as_str())
-            && self.peek(0).is_some_and(|next| {
-                next.is_any(&[
-                    Sense::Fast,
-                    Sense::VerbOn,
-                    Sense::VerbNear,
-                    Sense::VerbTouch,
-                    Sense::VerbBlock,
-                ]) && !next.text.contains(' ')
-            })
     }
 
     /// Whether the item before the one just read was a negation too.
